@@ -16,7 +16,7 @@ mod tasks {
 
     use crate::bench::{AdcBus, Bench};
     use crate::board::{self, Background, FlightMemory, Ticker};
-    use crate::clock;
+    use crate::clock::{self, Captures, Clocks, Watch};
     use crate::flash::ParameterFlash;
     use crate::machine;
     use crate::outputs::{self, Pins};
@@ -43,6 +43,8 @@ mod tasks {
         bench: Bench,
         debug: DBGMCU,
         led: PC12<Output>,
+        captures: Captures,
+        watch: Watch,
         serial: Serial<USART2>,
         rx: Producer<'static, u8>,
         received: Consumer<'static, u8>,
@@ -63,7 +65,8 @@ mod tasks {
         let chip = cx.device;
         let panic_message = PanicMessage::take();
         let mut latched = reset::cause(&chip.RCC, &panic_message);
-        let (mut rcc, fault) = clock::start(chip.RCC, &chip.TIM5, panic_message.as_str().starts_with(clock::PANIC));
+        let avoid = panic_message.as_str().starts_with(clock::PANIC);
+        let Clocks { mut rcc, fault, captures, watch } = clock::start(chip.RCC, chip.TIM5, avoid);
 
         // The amplifier's enable output is low before anything else is set up.
         let (enable, led, interlock) = outputs::start(chip.GPIOC, &mut rcc);
@@ -84,7 +87,8 @@ mod tasks {
         let (sending, tx) = cx.local.outgoing.split();
 
         latched = latched.or(reset::check_option_bytes(&chip.FLASH));
-        let Ok(store) = Store::new(ParameterFlash::new(chip.FLASH), boards::STM32F405) else {
+        let Ok(store) = Store::with_converters(ParameterFlash::new(chip.FLASH), boards::STM32F405, board::CONVERTERS)
+        else {
             panic!("two sectors hold two slots")
         };
         let mut watchdog = IndependentWatchdog::new(chip.IWDG);
@@ -93,13 +97,30 @@ mod tasks {
         board::watch(&mut watchdog);
         let ticker = Ticker::start(cx.core.SYST, core_hz, RATE_HZ);
         let shared = Shared { device: Device::new(latched), watchdog, recorder: board::flight_recorder() };
-        (shared, Local { bench, debug, led, serial, rx, received, sending, tx, store, ticker, panic_message })
+        (
+            shared,
+            Local {
+                bench,
+                debug,
+                led,
+                captures,
+                watch,
+                serial,
+                rx,
+                received,
+                sending,
+                tx,
+                store,
+                ticker,
+                panic_message,
+            },
+        )
     }
 
     /// The control tick.
-    #[task(binds = SysTick, priority = 2, local = [bench, debug, led, micros: u32 = 0], shared = [device, watchdog, recorder])]
+    #[task(binds = SysTick, priority = 2, local = [bench, debug, led, watch, micros: u32 = 0], shared = [device, watchdog, recorder])]
     fn tick(mut cx: tick::Context) {
-        let tick::LocalResources { bench, debug, led, micros, .. } = cx.local;
+        let tick::LocalResources { bench, debug, led, watch, micros, .. } = cx.local;
         machine::begin_tick();
         board::outlive_debugger(debug);
         let (state, is_served, rate_hz, record) = cx.shared.device.lock(|device| {
@@ -115,6 +136,9 @@ mod tasks {
                 let _ = bench.apply(Drive { range: drive.range, ..Drive::OFF });
             }
             device.report(bench.inspection());
+            if let Some(cause) = watch.check(device.rate_hz(), machine::report) {
+                device.latch(cause);
+            }
             let is_served = device.background_is_alive() && !board::is_watchdog_expiring();
             (device.state(), is_served, device.rate_hz(), device.flight_record())
         });
@@ -136,6 +160,12 @@ mod tasks {
         if is_served {
             cx.shared.watchdog.lock(IndependentWatchdog::feed);
         }
+    }
+
+    /// Edges of the slow oscillator, for the tick, which compares the clocks.
+    #[task(binds = TIM5, priority = 1, local = [captures])]
+    fn slow_oscillator(cx: slow_oscillator::Context) {
+        cx.local.captures.take();
     }
 
     /// Bytes of the link, in and out.
@@ -164,7 +194,8 @@ mod tasks {
     fn idle(cx: idle::Context) -> ! {
         let idle::LocalResources { received, sending, store, ticker, panic_message, .. } = cx.local;
         let idle::SharedResources { device, watchdog, recorder, .. } = cx.shared;
-        let mut board = Background { device, watchdog, store, ticker, panic_message, recorder };
+        let mut board =
+            Background { device, watchdog, store, ticker, panic_message, recorder, program: board::program() };
         let mut session = Session::new(env!("CARGO_PKG_VERSION"));
         match session.begin(&mut board) {
             Ok(()) => defmt::info!("runs the parameters that it keeps"),

@@ -1,6 +1,6 @@
 //! The bench on the board's pins: amplifier, sensors, interlock, light. `docs/wiring.md` shows it.
 
-use dea_driver::chips::{AdcRange, CommandRange};
+use dea_driver::chips::{AdcRange, CommandRange, Reference};
 use dea_driver::wire::{InjectedFault, Inspection, Part};
 use dea_driver::{AdcError, Ads868x, Amplifier, AmplifierError, Controller, Drive, Inputs};
 use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice, NoDelay};
@@ -17,6 +17,9 @@ pub use crate::outputs::Pins;
 /// Clock of both buses, Hz: 42 MHz by 8, and 84 MHz by 16. The DAC reads back at up to 17 MHz; the wires are meant for 10 MHz, and the
 /// next step is 10.5 MHz.
 const BUS_HZ: u32 = 5_250_000;
+
+/// The reference of the DAC: [`Reference::Internal`] for an AD5754R without another one at its pin.
+const DAC_REFERENCE: Reference = Reference::External;
 
 /// The bus that both ADCs share.
 pub type AdcBus = AtomicCell<Spi<SPI1>>;
@@ -51,7 +54,8 @@ impl Bench {
         let select = gpiob.pb12.into_push_pull_output_in_state(PinState::High);
         let device = ExclusiveDevice::new_no_delay(bus, select).ok();
         // The range of the parameters comes with the first tick that has some.
-        let amplifier = device.and_then(|device| Amplifier::new(device, enable, CommandRange::FiveVolts).ok());
+        let amplifier = device
+            .and_then(|device| Amplifier::with_reference(device, enable, CommandRange::FiveVolts, DAC_REFERENCE).ok());
 
         let sck = adc.0.into_alternate().speed(Speed::VeryHigh);
         let miso = adc.1.into_alternate().speed(Speed::VeryHigh).internal_pull_down(true);

@@ -1,11 +1,13 @@
 //! The board's side of the link: timer, watchdog, parameter store.
 
 use core::ptr::addr_of_mut;
+use core::slice::from_raw_parts;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
-use dea_driver::server::{Board, FlightRecorder, FlightSlot};
+use dea_driver::chips::{Ceilings, Converters};
+use dea_driver::server::{Board, FlightRecorder, FlightSlot, Image};
 use dea_driver::wire::{FlightRecord, InjectedFault, boards};
 use dea_driver::{Device, Store, StoreError};
 use rtic::Mutex;
@@ -16,17 +18,27 @@ use stm32f4xx_hal::watchdog::IndependentWatchdog;
 use crate::flash::ParameterFlash;
 use crate::panic::{self, Message};
 
+/// Converters of the board, and its hard ceilings: no blob and no upload allows more. **Set them for the bench that this image is for**, from what its
+/// film, its clamp and its people withstand; here they are those of the largest usual bench.
+pub const CONVERTERS: Converters = Converters {
+    ceilings: Ceilings { voltage_v: 10e3, field_v_per_m: 2e8, stroke_m: 20e-3 },
+    ..Converters::AD5754_ADS868X
+};
+
 /// The slowest tick, Hz: the counter has 24 bits, and the watchdog waits for 50 ms.
 pub const MIN_RATE_HZ: f32 = 100.0;
 /// The fastest, Hz.
 const MAX_RATE_HZ: f32 = 5000.0;
 /// Cycles from tick to tick at the least: on the internal oscillator, at 16 MHz, the fastest is slower. There the controller takes some
-/// 3 200 cycles and the 112 bits to and from the converters 450, at 168 MHz 3 600; the tick that enables reads back and takes 400 bits.
+/// 3 200 cycles and the 112 bits to and from the converters 450, at 168 MHz 3 600; the tick that enables reads back and takes 400 bits. A tick may wait for
+/// a part of the check of the memory, some 4 000.
 const CYCLES_PER_TICK: f32 = 9600.0;
 /// For so long the tick may not come, ms, give or take what the watchdog's own oscillator (17 to 47 kHz) is off: 33 to 95 ms.
 const WATCHDOG_MS: u32 = 50;
 /// For so long the flash may hold up everything, ms: erasing 16 KiB takes 0.8 s at the most.
 const FLASH_MS: u32 = 4000;
+/// Words of the vector table: those of the core, and 82 interrupts of the chip.
+const VECTORS: usize = 16 + 82;
 /// How often the watchdog is asked whether it has taken its settings over: some milliseconds; it needs 0.2 ms.
 const PATIENCE: u32 = 20_000;
 
@@ -88,6 +100,24 @@ pub fn lose_byte() {
     LOST.store(LOST.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
 }
 
+/// The program in the flash: the vectors, and from the text to what the start copies to the RAM. The parameters between them change.
+pub fn program() -> [(&'static [u32], Image); 2] {
+    unsafe extern "C" {
+        static __vector_table: u32;
+        static __stext: u32;
+        static __sidata: u32;
+        static __sdata: u32;
+        static __edata: u32;
+    }
+    let length = |start: *const u32, end: *const u32| (end as usize - start as usize) / size_of::<u32>();
+    let data = length(&raw const __sdata, &raw const __edata);
+    let program = length(&raw const __stext, &raw const __sidata) + data;
+    // SAFETY: the linker has put flash there, which this program does not write.
+    let parts =
+        unsafe { [from_raw_parts(&raw const __vector_table, VECTORS), from_raw_parts(&raw const __stext, program)] };
+    parts.map(|words| (words, Image::new(words)))
+}
+
 /// Whether a host has asked for a reset by the watchdog.
 static EXPIRING: AtomicBool = AtomicBool::new(false);
 
@@ -116,6 +146,7 @@ pub struct Background<'a, D, W, F> {
     pub ticker: &'a mut Ticker,
     pub panic_message: &'a Message,
     pub recorder: F,
+    pub program: [(&'static [u32], Image); 2],
 }
 
 impl<D, W, F> Board for Background<'_, D, W, F>
@@ -175,6 +206,10 @@ where
     fn noise(&self) -> u32 {
         // When the last byte of the request came, in cycles of the core.
         crate::machine::id() ^ SYST::get_current()
+    }
+
+    fn image_is_intact(&mut self) -> bool {
+        self.program.iter_mut().all(|(words, image)| image.is_intact(words))
     }
 
     fn panic_message(&self) -> &str {

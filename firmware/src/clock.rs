@@ -1,6 +1,9 @@
 //! The clocks: 168 MHz from the crystal, or 16 MHz from the internal oscillator where the crystal does not start, stops, or is
-//! another one.
+//! another one. While the firmware runs, the slow oscillator of the watchdog is compared with the core's clock.
 
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use dea_driver::Cause;
 use stm32f4xx_hal::pac::{RCC, TIM5, rcc};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{BusTimerClock, Config, Rcc};
@@ -17,6 +20,15 @@ const PATIENCE: u32 = 50_000;
 pub const PANIC: &str = "clock";
 /// Largest difference of the two clocks: the internal oscillator is off by 8 % at the most.
 const TOLERANCE: f32 = 0.12;
+/// Largest change of the slow oscillator against the core's clock while both run: more than the slow one drifts as the chip warms.
+const MAX_DRIFT: f32 = 0.2;
+/// For so long no period of the slow oscillator may be missing, s: some ten measurements of 128 of its periods.
+const MAX_SILENCE_S: f32 = 0.1;
+/// Captures of a measurement, each of eight periods.
+const CAPTURES: u32 = 16;
+
+/// The last measurement: counts of the timer over 128 periods of the slow oscillator; 0 once the tick has taken it.
+static MEASURED: AtomicU32 = AtomicU32::new(0);
 
 /// A fault of the clocks.
 #[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
@@ -27,48 +39,77 @@ pub enum ClockFault {
     Loop,
     /// The last run ended because of the clock: likewise.
     LastRun,
-    /// The slow oscillator does not run: there is no watchdog, and the crystal was compared with nothing.
+    /// The slow oscillator does not run: there is no watchdog, and the crystal is compared with nothing.
     Slow,
+    /// The core's clock or the slow oscillator has another frequency than at the start.
+    Drift,
+}
+
+/// The clocks as [`start`] has set them.
+pub struct Clocks {
+    pub rcc: Rcc,
+    /// Fault that the start has found.
+    pub fault: Option<ClockFault>,
+    /// For the interrupt of the timer.
+    pub captures: Captures,
+    /// For the tick.
+    pub watch: Watch,
 }
 
 /// Sets the clocks, and says if they are not what they should be. `avoid`: the crystal was at fault in the last run.
 ///
 /// The waits of the library have no end, so what it will wait for is seen to come first. The crystal is compared with the internal
 /// oscillator before the loop multiplies it: a loop on another one is beyond its limits, and the core with it.
-pub fn start(rcc: RCC, timer: &TIM5, avoid: bool) -> (Rcc, Option<ClockFault>) {
-    let rcc = rcc.constrain();
+pub fn start(rcc: RCC, timer: TIM5, avoid: bool) -> Clocks {
+    let (rcc, fault, expected) = set(rcc.constrain(), &timer, avoid);
+    MEASURED.store(0, Ordering::Relaxed);
+    if expected.is_some() {
+        rcc.apb1enr().modify(|_, w| w.tim5en().set_bit());
+        listen(&timer);
+        timer.dier().write(|w| w.cc4ie().set_bit());
+    }
+    let watch = Watch { expected, silent_s: 0.0, fault: None, cause: None };
+    Clocks { rcc, fault, captures: Captures { timer, first: 0, missing: CAPTURES + 1 }, watch }
+}
+
+/// Sets the clocks: with what is wrong, and the counts of the timer over 128 periods of the slow oscillator as they will be.
+fn set(rcc: Rcc, timer: &TIM5, avoid: bool) -> (Rcc, Option<ClockFault>, Option<f32>) {
     if avoid {
-        return (on_internal(rcc), Some(ClockFault::LastRun));
+        return on_internal(rcc, timer, ClockFault::LastRun);
     }
     rcc.cr().modify(|_, w| w.hseon().set_bit());
     if !comes(&rcc, |cr| cr.hserdy().bit_is_set()) {
-        return (on_internal(rcc), Some(ClockFault::Crystal));
+        return on_internal(rcc, timer, ClockFault::Crystal);
     }
     let before = slow_period(&rcc, timer);
     let rcc = rcc.freeze(Config::hse(CRYSTAL_HZ.Hz()));
     let after = slow_period(&rcc, timer);
+    let hz = |rcc: &Rcc| TIM5::timer_clock(&rcc.clocks).raw() as f32;
+    let crystal_hz = hz(&rcc);
     // A crystal of another frequency would stretch every time that the limits state.
     let mut fault = Some(ClockFault::Slow);
     if let (Some(before), Some(after)) = (before, after) {
-        let expected = before as f32 * (TIM5::timer_clock(&rcc.clocks).raw() as f32 / INTERNAL_HZ);
+        let expected = before as f32 * (crystal_hz / INTERNAL_HZ);
         let off = (after as f32 / expected - 1.0).abs();
         assert!(off <= TOLERANCE, "{PANIC}: another crystal than 8 MHz");
         fault = None;
     }
     if !loop_locks(&rcc) {
-        return (on_internal(rcc), Some(ClockFault::Loop));
+        return on_internal(rcc, timer, ClockFault::Loop);
     }
     let rcc = rcc.freeze(Config::hse(CRYSTAL_HZ.Hz()).sysclk(CORE_HZ.Hz()));
     // From now on a crystal that stops ends in a non-maskable interrupt.
     rcc.cr().modify(|_, w| w.csson().set_bit());
-    (rcc, fault)
+    let expected = after.map(|after| after as f32 * (hz(&rcc) / crystal_hz));
+    (rcc, fault, expected)
 }
 
-/// The core on the internal oscillator, and the crystal's off.
-fn on_internal(rcc: Rcc) -> Rcc {
+/// The core on the internal oscillator, and the crystal's off, because of a `fault`.
+fn on_internal(rcc: Rcc, timer: &TIM5, fault: ClockFault) -> (Rcc, Option<ClockFault>, Option<f32>) {
     let rcc = rcc.freeze(Config::hsi());
     rcc.cr().modify(|_, w| w.hseon().clear_bit());
-    rcc
+    let expected = slow_period(&rcc, timer).map(|counts| counts as f32);
+    (rcc, Some(fault), expected)
 }
 
 /// Whether the loop locks as it will run: 8 MHz / 4 × 168 / 2 = 168 MHz. At its reset values it would have 0.5 MHz where it needs 1 to
@@ -91,7 +132,7 @@ fn comes(rcc: &RCC, ready: impl Fn(&rcc::cr::R) -> bool) -> bool {
 }
 
 /// Counts of `timer` over 128 periods of the watchdog's own oscillator, 4 ms; none if it does not run. Its frequency is known to
-/// half of it only, but it does not change within a few milliseconds.
+/// half of it only, but it does not change within a few milliseconds, and little while the chip warms.
 fn slow_period(rcc: &RCC, timer: &TIM5) -> Option<u32> {
     rcc.csr().modify(|_, w| w.lsion().set_bit());
     if !(0..PATIENCE).any(|_| rcc.csr().read().lsirdy().bit_is_set()) {
@@ -104,8 +145,8 @@ fn slow_period(rcc: &RCC, timer: &TIM5) -> Option<u32> {
     captures
 }
 
-/// Channel 4 of the timer captures every eighth edge of the slow oscillator.
-fn capture(timer: &TIM5) -> Option<u32> {
+/// Channel 4 of the timer captures every eighth edge of the slow oscillator from now on.
+fn listen(timer: &TIM5) {
     // SAFETY: 1 is the slow oscillator, one of the four inputs that the channel has.
     timer.or().write(|w| unsafe { w.it4_rmp().bits(1) });
     timer.arr().write(|w| w.arr().set(u32::MAX));
@@ -113,6 +154,10 @@ fn capture(timer: &TIM5) -> Option<u32> {
     timer.ccer().write(|w| w.cc4e().set_bit());
     timer.egr().write(|w| w.ug().set_bit());
     timer.cr1().write(|w| w.cen().set_bit());
+}
+
+fn capture(timer: &TIM5) -> Option<u32> {
+    listen(timer);
     let next = || {
         (0..PATIENCE).find(|_| timer.sr().read().cc4if().bit_is_set())?;
         // Reading it clears the flag.
@@ -122,8 +167,70 @@ fn capture(timer: &TIM5) -> Option<u32> {
     next()?;
     let first = next()?;
     let mut last = first;
-    for _ in 0..16 {
+    for _ in 0..CAPTURES {
         last = next()?;
     }
     Some(last.wrapping_sub(first))
+}
+
+/// The timer that captures edges of the slow oscillator while the firmware runs.
+pub struct Captures {
+    timer: TIM5,
+    first: u32,
+    /// Captures that are missing until a measurement is complete.
+    missing: u32,
+}
+
+impl Captures {
+    /// Takes a capture over: to be called from the interrupt of the timer, below the tick. A measurement begins again where captures were missed,
+    /// as while the flash is erased.
+    pub fn take(&mut self) {
+        let missed = self.timer.sr().read().cc4of().bit_is_set();
+        // Reading it clears the flag.
+        let at = self.timer.ccr4().read().bits();
+        if missed {
+            self.timer.sr().modify(|_, w| w.cc4of().clear_bit());
+            self.missing = CAPTURES + 1;
+        }
+        self.missing -= 1;
+        if self.missing == 0 {
+            MEASURED.store(at.wrapping_sub(self.first).max(1), Ordering::Relaxed);
+        }
+        if self.missing == 0 || self.missing == CAPTURES {
+            (self.first, self.missing) = (at, CAPTURES);
+        }
+    }
+}
+
+/// Compares the clocks in every tick.
+pub struct Watch {
+    /// Counts of a measurement as they should be; none where the slow oscillator did not run at the start.
+    expected: Option<f32>,
+    /// Time since the last measurement, by the core's clock, s.
+    silent_s: f32,
+    fault: Option<ClockFault>,
+    cause: Option<Cause>,
+}
+
+impl Watch {
+    /// Returns the cause for which nothing may be enabled in this tick, one of `rate_hz` a second, for as long as it lasts. A fault is passed to
+    /// `report` when it comes.
+    pub fn check(&mut self, rate_hz: f32, report: impl Fn(ClockFault) -> Option<Cause>) -> Option<Cause> {
+        let before = self.fault;
+        self.silent_s += 1.0 / rate_hz;
+        match (self.expected, MEASURED.swap(0, Ordering::Relaxed)) {
+            (None, _) => self.fault = Some(ClockFault::Slow),
+            (_, 0) if self.silent_s > MAX_SILENCE_S => self.fault = Some(ClockFault::Slow),
+            (_, 0) => {}
+            (Some(expected), counts) => {
+                self.silent_s = 0.0;
+                let off = (counts as f32 / expected - 1.0).abs();
+                self.fault = (off > MAX_DRIFT).then_some(ClockFault::Drift);
+            }
+        }
+        if self.fault != before {
+            self.cause = self.fault.and_then(report);
+        }
+        self.cause
+    }
 }

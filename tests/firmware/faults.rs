@@ -41,6 +41,38 @@ fn without_a_bench_nothing_is_enabled() {
     assert!(peak <= stated, "{stated} bytes of stack are stated, {peak} were used");
 }
 
+/// Limits that a host may write, above the ceilings that are built into the image: refused, and what ran before goes on. A self-test that the parameters
+/// ask for is asked for.
+#[test]
+fn no_upload_exceeds_the_ceilings() {
+    let (_emulator, port) = Emulator::start(&image("qemu")).expect("starts");
+    let (mut client, _) = Client::new(port).expect("answers");
+    client.upload(&blob(ANY_SILENCE_S), false).expect("taken");
+    let before = client.ask(Command::Query).expect("answers");
+    let parameters = Parameters::preset("table3-n2").expect("a preset");
+    // The ceilings of the image are 10 kV, 200 V/um, 20 mm.
+    let gain = |limits: &dea_driver::Limits| dea_driver::chips::Calibration::linear(0.12 * limits.max_voltage_v);
+    let bench = bench_limits();
+    let sensor = dea_driver::PlausibilityLimits { high: 0.03, jump: 1e-3, ..bench.sensor };
+    for limits in [
+        dea_driver::Limits { max_voltage_v: 10_001.0, ..bench },
+        dea_driver::Limits { max_field_v_per_m: 2.01e8, ..bench },
+        dea_driver::Limits { max_displacement_m: 20.1e-3, sensor, ..bench },
+    ] {
+        let calibration = dea_driver::chips::Calibration::Parabola { offset: -1e-3, gain: 4e-3, quadratic: 0.0 };
+        let (amplifier, monitor) = (gain(&limits), gain(&limits));
+        let board = Board { limits, amplifier, monitor, sensor: calibration, ..Board::bench(&parameters.actuator) };
+        let bytes = parameters.to_blob(&board, 1000.0).expect("valid for a host");
+        let refused = client.upload(&bytes, false).expect_err("above a ceiling").to_string();
+        assert!(refused.contains("ceilings"), "{refused}");
+        assert_eq!(client.ask(Command::Query).expect("answers"), before);
+    }
+    let board = Board { self_test_above_v: 1000.0, ..Board::bench(&parameters.actuator) };
+    client.upload(&parameters.to_blob(&board, 1000.0).expect("valid"), false).expect("taken");
+    let Answer::Preflight { refusals, .. } = client.ask(Command::Preflight).expect("answers") else { panic!() };
+    assert!(refusals.contains(&dea_driver::Refusal::SelfTest), "{refusals:?}");
+}
+
 /// The longest silence of a host that parameters may allow, s. A host that is silent for as long as that has been stopped: no
 /// test that is about something else ends in a trip because this machine is busy with other work.
 const ANY_SILENCE_S: f32 = 10.0;

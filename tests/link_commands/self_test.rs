@@ -5,6 +5,7 @@ use std::process::Child;
 use std::thread;
 
 use dea_driver::wire::Part;
+use host_sim::files::parameters::{Board, Parameters};
 use serde_json::Value;
 use tests::tool::{names, rows};
 use tests::virtual_board::Scene;
@@ -50,6 +51,11 @@ fn nothing_is_enabled_before_all_answers() {
     for (scene, what, found) in [
         (Scene { interlock_closed: false, ..Scene::CALM }, "interlock", "open"),
         (Scene { parts: [wrong(0), Part::Answers, Part::Answers], ..Scene::CALM }, "DAC", "0x0000 for 0x0009"),
+        (
+            Scene { parts: [Part::NoReference, Part::Answers, Part::Answers], ..Scene::CALM },
+            "DAC",
+            "has no internal reference",
+        ),
         (Scene { parts: [Part::Answers, Part::Answers, wrong(8)], ..Scene::CALM }, "sensor's ADC", "0x0008 for 0x0009"),
         (Scene { panic_message: "a panic", ..Scene::CALM }, "state", "tripped: Panic"),
     ] {
@@ -117,6 +123,26 @@ fn preflight_and_the_flight_recorder() {
     board.prints("disarm");
     board.open_interlock(true);
     names(&in_the_way(), &["not ready: interlock, arming"]);
+}
+
+/// Parameters that ask for a self-test: the board is not armed before it, and is after it, until the next start.
+#[test]
+fn a_board_that_asks_for_a_self_test_is_played_to_after_it() {
+    let board = Linked::new(Scene::CALM);
+    let parameters = Parameters::preset("table3-n2").expect("a preset");
+    let asks = Board { self_test_above_v: 1000.0, ..Board::bench(&parameters.actuator) };
+    board.bench.write("p.bin", parameters.to_blob(&asks, 1000.0).expect("valid"));
+    board.json("upload --blob p.bin --try");
+    let in_the_way = board.fails("arm");
+    names(&in_the_way, &["no self-test", "self_test_above_v"]);
+    let preflight = board.bench.run(&board.line("preflight --json"));
+    assert!(
+        String::from_utf8_lossy(&preflight.stdout).contains("no self-test of the bench has passed since the start")
+    );
+    board.prints("self-test");
+    board.prints("arm");
+    board.prints("disarm");
+    assert!(board.bench.run(&board.line("preflight")).status.success());
 }
 
 /// The table is for people, the error names what failed, and a voltage that moves a film is refused.

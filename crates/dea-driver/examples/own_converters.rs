@@ -3,7 +3,7 @@
 
 use std::error::Error;
 
-use dea_driver::chips::{Calibration, Converters};
+use dea_driver::chips::{Calibration, Ceilings, Converters};
 use dea_driver::{
     Blob, Control, Controller, DriverState, Inputs, Limits, Mode, Outputs, Parameters, PlausibilityLimits,
 };
@@ -16,9 +16,13 @@ const RATE_HZ: u16 = 500;
 const DAC_V: f32 = 2.5;
 const ADC_V: f32 = 3.3;
 
-/// Their ranges, for the checks of the parameters. An ADC ends one count below its full scale.
-const CONVERTERS: Converters =
-    Converters { command_v: Some(DAC_V), monitor_v: ADC_V * (4095.0 / 4096.0), sensor_v: ADC_V * (4095.0 / 4096.0) };
+/// Their ranges, for the checks of the parameters, and the ceilings of the bench. An ADC ends one count below its full scale.
+const CONVERTERS: Converters = Converters {
+    command_v: Some(DAC_V),
+    monitor_v: ADC_V * (4095.0 / 4096.0),
+    sensor_v: ADC_V * (4095.0 / 4096.0),
+    ceilings: Ceilings { voltage_v: 6.25e3, field_v_per_m: 6e7, stroke_m: 8e-3 },
+};
 
 /// The nearest of 4096 codes: saturates, and NaN is 0 V.
 fn dac_code(volts: f32) -> u16 {

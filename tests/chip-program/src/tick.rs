@@ -118,5 +118,6 @@ fn parameters(law: &Coefficients<f32>, actuator: Actuator) -> Parameters {
             ..BENCH
         },
         control: Control::BENCH,
+        self_test_above_v: <Parameters>::NO_SELF_TEST_V,
     }
 }

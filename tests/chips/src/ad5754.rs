@@ -1,4 +1,4 @@
-//! AD5754: 16-bit DAC with an external reference of 2.5 V, its channel A. From drivers that agree, and from memory: see the README.
+//! AD5754 and AD5754R: 16-bit DAC with a reference of 2.5 V, external or its own, its channel A. From drivers that agree, and from memory: see the README.
 
 use crate::serial::{Sdi, SerialChip};
 use crate::violation::{Rule, Violation, Violations};
@@ -28,14 +28,15 @@ pub const DAC_POWER_UP_NS: u64 = 10_000;
 const WORD: u32 = 0x00ff_ffff;
 /// DB23 to DB16 of an answer to a read command, and what SDO shows before the first frame: the data sheet does not say.
 const ANSWER_HEAD: u32 = 0x5a;
-/// At REFIN, V.
+/// At REFIN, or from inside, V.
 const REFERENCE_V: f64 = 2.5;
 
 /// Bits of the control register: thermal shutdown, and the clamp, which alone is set at power-up.
 const TSD_ENABLE: u16 = 1 << 3;
 const CLAMP_ENABLE: u16 = 1 << 2;
-/// Bits of the power control register: power-up, thermal shutdown, over-current. DB15 to DB11 are don't-cares.
+/// Bits of the power control register: power-up, that of the internal reference, thermal shutdown, over-current. DB15 to DB11 are don't-cares.
 const PU: u16 = 1 << 0;
+const PU_REF: u16 = 1 << 4;
 const TSD: u16 = 1 << 5;
 const OC: u16 = 1 << 7;
 const POWER_MASK: u16 = 0x07ff;
@@ -66,6 +67,8 @@ struct Registers {
     range: u16,
     input: u16,
     loaded: u16,
+    /// PU_REF, of an AD5754R.
+    reference: bool,
     /// When the PU bit was set; `None` while it is 0.
     powered_ns: Option<u64>,
     shift: u32,
@@ -79,6 +82,7 @@ impl Registers {
         range: 0,
         input: 0,
         loaded: 0,
+        reference: false,
         powered_ns: None,
         shift: ANSWER_HEAD * 0x01_0101,
         answer: None,
@@ -93,6 +97,9 @@ impl Registers {
 pub struct Ad5754 {
     registers: Registers,
     violations: Violations,
+    /// Whether it is an AD5754R, and whether something drives REFIN.
+    has_reference: bool,
+    is_driven: bool,
     dvcc: bool,
     ldac: bool,
     clr: bool,
@@ -114,6 +121,8 @@ impl Default for Ad5754 {
         Self {
             registers: Registers::POWER_UP,
             violations: Violations::default(),
+            has_reference: false,
+            is_driven: true,
             dvcc: true,
             ldac: true,
             clr: true,
@@ -136,6 +145,12 @@ impl Ad5754 {
     #[must_use]
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// An AD5754R, with 2.5 V at its REFIN/REFOUT pin or nothing there. Its own reference is off after power-up.
+    #[must_use]
+    pub fn with_reference(is_driven: bool) -> Self {
+        Self { has_reference: true, is_driven, ..Self::default() }
     }
 
     /// DVCC on or off. Off, and the chip forgets all, drives no SDO, and holds its outputs at 0 V; on, and all registers
@@ -227,7 +242,8 @@ impl Ad5754 {
         let Registers { range, loaded, powered_ns, .. } = self.registers;
         let share = f64::from(loaded) / 65536.0 - if range < FIRST_BIPOLAR { 0.0 } else { 0.5 };
         let is_on = powered_ns.is_some() && !self.is_shut_down();
-        let to_v = if is_on { GAINS[usize::from(range)] * REFERENCE_V * share } else { 0.0 };
+        let reference_v = if self.is_driven || self.registers.reference { REFERENCE_V } else { 0.0 };
+        let to_v = if is_on { GAINS[usize::from(range)] * reference_v * share } else { 0.0 };
         if to_v != self.ramp.to_v {
             self.ramp = Ramp { from_v: self.ramp.volts(now), to_v, begin_ns: now };
         }
@@ -245,6 +261,10 @@ impl Ad5754 {
             0x10 if bits & 0xe == 0 => {
                 let since = self.registers.powered_ns.unwrap_or(now);
                 self.registers.powered_ns = (bits & PU != 0).then_some(since);
+                self.registers.reference = self.has_reference && bits & PU_REF != 0;
+                if self.registers.reference && self.is_driven {
+                    self.violations.note(now, Rule::TwoReferences);
+                }
             }
             0x18 => {}
             0x19 if bits & 0x7 == CLAMP_ENABLE => self.registers.control = bits & 0xf,
@@ -254,6 +274,7 @@ impl Ad5754 {
             0x90 => {
                 let flag = |on: bool, bit: u16| if on { bit } else { 0 };
                 let power = flag(self.registers.powered_ns.is_some(), PU);
+                let power = power | flag(self.registers.reference, PU_REF);
                 self.reply(power | flag(self.is_shut_down(), TSD) | flag(self.over_current, OC), POWER_MASK);
             }
             0x99 => self.reply(self.registers.control, 0xf),

@@ -25,6 +25,8 @@ pub enum Rule {
     LoadDuringPowerUp,
     /// AD5754: a load or an update came while CLR was low. It had no effect.
     LoadWhileClear,
+    /// AD5754R: its reference was switched on while another one drives the pin. They drive against each other.
+    TwoReferences,
     /// ADS868x: CONVST/CS fell while a conversion ran, so many ns before its end. The frame is not seen.
     FrameDuringConversion(u64),
     /// ADS868x: CONVST/CS fell while the chip was powering up. The frame is not seen.

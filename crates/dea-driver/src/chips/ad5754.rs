@@ -15,6 +15,8 @@ const CONTROL: u8 = 0x19;
 const READ: u8 = 0x80;
 /// Channel A has power.
 const POWER_A: u16 = 1;
+/// The internal reference of an AD5754R has power.
+const POWER_REFERENCE: u16 = 1 << 4;
 /// Channel A is at its current limit, and the chip is too hot: read with the power.
 const ALARMS: u16 = 1 << 7 | 1 << 5;
 /// Thermal shutdown, which is off when the chip comes up, and the current limit of 20 mA, which is on: clear means another thing.
@@ -22,6 +24,18 @@ const PROTECTION: u16 = 1 << 3 | 1 << 2;
 /// The bits that a register has; what the others read is not stated.
 const CONTROL_BITS: u16 = 0xf;
 const RANGE_BITS: u16 = 0x7;
+
+/// Where the DAC has its reference of 2.5 V from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Reference {
+    /// From another chip, at REFIN: any AD5754. The internal one of an AD5754R stays off, so that they do not drive against each other; without the
+    /// other chip its output stays at 0 V, whatever it is sent.
+    #[default]
+    External,
+    /// From itself: an AD5754R with nothing else at REFIN/REFOUT. A chip without one is refused before it is enabled.
+    Internal,
+}
 
 /// An amplifier that follows channel A of an AD5754 while its enable input is high.
 ///
@@ -58,6 +72,8 @@ pub struct Amplifier<SPI, EN> {
     spi: SPI,
     enable: EN,
     range: CommandRange,
+    /// The bits of the power control register that are set.
+    power: u16,
     enabled: bool,
     /// Whether the DAC held what it was sent when it was read last.
     holds: bool,
@@ -81,6 +97,8 @@ pub enum AmplifierError {
         /// The value that it holds.
         found: u16,
     },
+    /// The DAC has no internal reference that could be switched on: it is no AD5754R. It needs one at REFIN, and [`Reference::External`].
+    NoReference,
 }
 
 impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
@@ -89,9 +107,27 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
     /// # Errors
     ///
     /// [`AmplifierError`] where a chip does not answer; the enable output has been set low first.
-    pub fn new(spi: SPI, mut enable: EN, range: CommandRange) -> Result<Self, AmplifierError> {
+    pub fn new(spi: SPI, enable: EN, range: CommandRange) -> Result<Self, AmplifierError> {
+        Self::with_reference(spi, enable, range, Reference::External)
+    }
+
+    /// The same with a DAC on this `reference`.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new); a DAC without the reference is refused by [`apply`](Self::apply).
+    pub fn with_reference(
+        spi: SPI,
+        mut enable: EN,
+        range: CommandRange,
+        reference: Reference,
+    ) -> Result<Self, AmplifierError> {
         enable.set_low().map_err(|_| AmplifierError::Enable)?;
-        let mut amplifier = Self { spi, enable, range, enabled: false, holds: true, code: DacCode::ZERO };
+        let power = match reference {
+            Reference::External => POWER_A,
+            Reference::Internal => POWER_A | POWER_REFERENCE,
+        };
+        let mut amplifier = Self { spi, enable, range, power, enabled: false, holds: true, code: DacCode::ZERO };
         amplifier.start()?;
         Ok(amplifier)
     }
@@ -142,7 +178,7 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
         self.write(CONTROL, PROTECTION)?;
         self.write(RANGE_A, range_code(self.range))?;
         self.zero()?;
-        self.write(POWER, POWER_A)
+        self.write(POWER, self.power)
     }
 
     /// Brings the command to 0 V and enables the amplifier. The DAC is started again before and read back: it may have been without
@@ -164,7 +200,11 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
 
     /// Between the bits of channel A are those of the others.
     fn check_power(&mut self) -> Result<(), AmplifierError> {
-        let checked = self.read(POWER).and_then(|power| matches(POWER_A, power & (POWER_A | ALARMS)));
+        let wanted = self.power;
+        let checked = self.read(POWER).and_then(|power| match power & (wanted | ALARMS) {
+            POWER_A if wanted != POWER_A => Err(AmplifierError::NoReference),
+            found => matches(wanted, found),
+        });
         self.holds = checked.is_ok();
         checked
     }

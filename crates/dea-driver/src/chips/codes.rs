@@ -105,7 +105,7 @@ impl AdcCode {
     }
 }
 
-/// Full scales of a board's converters in V, for the checks of [`Parameters`](crate::Parameters).
+/// Full scales of a board's converters in V, and its ceilings, for the checks of [`Parameters`](crate::Parameters).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Converters {
@@ -116,10 +116,50 @@ pub struct Converters {
     pub monitor_v: f32,
     /// The same for the ADC of the displacement sensor, V.
     pub sensor_v: f32,
+    /// Largest values that the board allows, whatever its parameters state.
+    pub ceilings: Ceilings,
 }
 
 impl Converters {
-    /// An AD5754 on the range of the parameters and two ADS868x on 0 to 10.24 V.
-    pub const AD5754_ADS868X: Self =
-        Self { command_v: None, monitor_v: AdcRange::UpTo10V24.max_v(), sensor_v: AdcRange::UpTo10V24.max_v() };
+    /// An AD5754 on the range of the parameters and two ADS868x on 0 to 10.24 V, without ceilings.
+    pub const AD5754_ADS868X: Self = Self {
+        command_v: None,
+        monitor_v: AdcRange::UpTo10V24.max_v(),
+        sensor_v: AdcRange::UpTo10V24.max_v(),
+        ceilings: Ceilings::NONE,
+    };
+}
+
+/// Hard ceilings of a board, which no parameters exceed: constants of its program, so that neither a blob nor an upload raises them.
+///
+/// ```
+/// use dea_driver::chips::{Ceilings, Converters};
+/// use dea_driver::{Blob, BlobError, Parameters};
+/// use springpot::{Actuator, Law, LawOptions, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// // An amplifier of 10 kV beside a film that is never to see more than 5 kV, whatever is uploaded.
+/// let ceilings = Ceilings { voltage_v: 5e3, ..Ceilings::NONE };
+/// let board = Converters { ceilings, ..Converters::AD5754_ADS868X };
+/// # let law: Law<f32> = Law::compressed(&Preset::TABLE3_N2.model()?, LawOptions::at_step(1e-3))?;
+/// let refused = Blob::with_converters(Parameters::bench(&law, Actuator::KARNER_2022), &board).err();
+/// let beyond = BlobError::Ceiling { quantity: "max_voltage_v", value: 6e3, ceiling: 5e3 };
+/// assert_eq!(refused, Some(beyond));
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Ceilings {
+    /// Of [`max_voltage_v`](crate::Limits::max_voltage_v), V.
+    pub voltage_v: f32,
+    /// Of [`max_field_v_per_m`](crate::Limits::max_field_v_per_m), V/m.
+    pub field_v_per_m: f32,
+    /// Of [`max_displacement_m`](crate::Limits::max_displacement_m), m.
+    pub stroke_m: f32,
+}
+
+impl Ceilings {
+    /// What any limits may state: no amplifier for a film gives more, no elastomer holds as much, no film is as long.
+    pub const NONE: Self = Self { voltage_v: 50e3, field_v_per_m: 5e8, stroke_m: 1.0 };
 }

@@ -9,9 +9,9 @@ mod codes;
 mod drive;
 
 #[cfg(feature = "chips")]
-pub use ad5754::{Amplifier, AmplifierError};
+pub use ad5754::{Amplifier, AmplifierError, Reference};
 #[cfg(feature = "chips")]
 pub use ads868x::{AdcError, Ads868x};
 pub use calibration::{Calibration, CalibrationError, MAX_POINTS};
-pub use codes::{AdcCode, AdcRange, CommandRange, Converters, DacCode};
+pub use codes::{AdcCode, AdcRange, Ceilings, CommandRange, Converters, DacCode};
 pub use drive::Drive;

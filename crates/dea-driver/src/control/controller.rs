@@ -7,6 +7,8 @@ use crate::control::loop_test::{Followed, LoopTest, Step, Target};
 use crate::control::sampler::Sampler;
 use crate::control::setpoint::{Ramp, SetpointError};
 use crate::control::{LearningOrder, Mode, Telemetry};
+#[cfg(feature = "link")]
+use crate::parameters::digest;
 use crate::parameters::{Blob, ControllerMemory, Parameters, Watched};
 use crate::safety::{Cause, Motion, Readings, Refusal, Supervisor};
 
@@ -15,6 +17,10 @@ const MAX_LEARNED: f32 = 0.25;
 
 /// Time for which a film has been held at the end of its stroke before a controller of which nothing else is known, s.
 const ASSUMED_HELD_S: f64 = 3600.0;
+
+/// Parts of a check of the memory, one at a time: a tick that becomes due meanwhile waits for it.
+#[cfg(feature = "link")]
+const DIGESTS: usize = 7;
 
 /// Longest time in which a new target is approached, s.
 const RAMP_S: f32 = 0.05;
@@ -117,10 +123,55 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     watched: Law<f32, Watched>,
     parameters: Parameters<M>,
     checksum: Option<u32>,
+    /// Digests of all that does not change, as it was when this controller was made.
+    #[cfg(feature = "link")]
+    digests: [u32; DIGESTS],
     /// The film as the ticks estimate it, its reference, and what is learned of its cycles.
     course: FollowerState<f32, Tracking<f32, M>>,
     #[cfg(feature = "loop-test")]
     test: LoopTest<M>,
+}
+
+/// Everything of a controller that does not change.
+#[cfg(feature = "link")]
+struct Constants<'a, M: ControllerMemory> {
+    parameters: &'a Parameters<M>,
+    law: &'a Law<f32, M>,
+    watched: &'a Law<f32, Watched>,
+    supervisor: &'a Supervisor,
+    motion: &'a Motion,
+    scales: [f32; 3],
+    lags: bool,
+}
+
+#[cfg(feature = "link")]
+impl<M: ControllerMemory> Constants<'_, M> {
+    #[inline(never)] // so that copies of the laws do not stay on the stack of a small chip
+    fn digests(&self) -> [u32; DIGESTS] {
+        core::array::from_fn(|part| self.digest(part))
+    }
+
+    /// The digest of a part.
+    fn digest(&self, part: usize) -> u32 {
+        let p = self.parameters;
+        match part {
+            0 => digest(&p.law),
+            1 => digest(&(
+                &p.name,
+                p.rate_hz,
+                p.actuator,
+                p.sensor_offset_m,
+                p.command_range,
+                p.amplifier_lag,
+                p.control,
+            )),
+            2 => digest(&(&p.amplifier, &p.monitor, &p.sensor)),
+            3 => digest(&p.limits),
+            4 => digest(&M::coefficients(self.law)),
+            5 => digest(&self.watched.coefficients()),
+            _ => digest(&(self.supervisor.constants(), self.motion.constants(), self.scales, self.lags)),
+        }
+    }
 }
 
 /// As [`Controller::new`], of a blob that stays: a small chip has no room to move it.
@@ -167,8 +218,22 @@ impl<M: ControllerMemory> Controller<M> {
         let thinning_per_m = actuator.thinning_per_m().max(1.0 / actuator.length_m);
         let sampler =
             Sampler::new(parameters.rate_hz, parameters.control.sample_interval_s, parameters.control.delay_s);
+        let motion = Motion::new(limits.sensor).beyond_by(margin);
+        let lags = parameters.amplifier_lag != AmplifierLag::NONE;
+        let (thinning_per_m, shares_per_n) = (thinning_per_m as f32, (1.0 / largest_n) as f32);
         Self {
-            motion: Motion::new(limits.sensor).beyond_by(margin),
+            #[cfg(feature = "link")]
+            digests: Constants {
+                parameters,
+                law,
+                watched: &watched,
+                supervisor,
+                motion: &motion,
+                scales: [thinning_per_m, shares_per_n, shares_per_m],
+                lags,
+            }
+            .digests(),
+            motion,
             #[cfg(feature = "loop-test")]
             test: LoopTest::at_rest(follower.compensator()),
             parameters: parameters.clone(),
@@ -179,15 +244,37 @@ impl<M: ControllerMemory> Controller<M> {
             open_loop: watched.held(limits.max_displacement_m, ASSUMED_HELD_S),
             is_history_assumed: true,
             watched,
-            thinning_per_m: thinning_per_m as f32,
-            shares_per_n: (1.0 / largest_n) as f32,
+            thinning_per_m,
+            shares_per_n,
             shares_per_m,
             sampler,
             mode: Mode::Voltage,
             ran: false,
-            lags: parameters.amplifier_lag != AmplifierLag::NONE,
+            lags,
             target: Ramp::NONE,
         }
+    }
+
+    #[cfg(feature = "link")]
+    fn constants(&self) -> Constants<'_, M> {
+        Constants {
+            parameters: &self.parameters,
+            law: self.follower.compensator().observer().law(),
+            watched: &self.watched,
+            supervisor: &self.supervisor,
+            motion: &self.motion,
+            scales: [self.thinning_per_m, self.shares_per_n, self.shares_per_m],
+            lags: self.lags,
+        }
+    }
+
+    /// Whether a part of all that does not change is as it was made, and what changes is such as ticks leave it; parts are counted on and on.
+    #[cfg(feature = "link")]
+    pub(crate) fn is_intact(&self, part: u8) -> bool {
+        let part = usize::from(part) % DIGESTS;
+        self.digests.get(part) == Some(&self.constants().digest(part))
+            && self.supervisor.is_sound()
+            && self.motion.is_sound()
     }
 
     /// The same controller of the film that `before` has driven: what is left of its creep counts for the stroke, until a plausible sensor
@@ -338,6 +425,18 @@ impl<M: ControllerMemory> Controller<M> {
         self.supervisor.arm()?;
         self.clear_target();
         Ok(())
+    }
+
+    /// Enables the amplifier at 0 V for a self-test, with a voltage of [`Supervisor::SELF_TEST_V`] at the most.
+    pub fn arm_for_self_test(&mut self) -> Result<(), Refusal> {
+        self.supervisor.arm_for_self_test()?;
+        self.clear_target();
+        Ok(())
+    }
+
+    /// Notes that a self-test of the bench has passed since the start.
+    pub fn note_self_test(&mut self) {
+        self.supervisor.note_self_test();
     }
 
     /// Begins a run in `mode` at 0 V, where it stays until a target is set. Feedforward uses the model as it was fitted, without

@@ -120,6 +120,24 @@ pub enum BlobError {
     /// An actuator that was refused, on its own or at the largest voltage.
     #[error("actuator: {0}")]
     Actuator(ActuatorError),
+    /// Limits above a ceiling of the board, which no parameters raise.
+    #[error(
+        "limits.{quantity} is {value}, above {ceiling}, the ceiling of this board; lower it: ceilings are part of the board's program"
+    )]
+    Ceiling {
+        /// Name of the limit.
+        quantity: &'static str,
+        /// The limit.
+        value: f32,
+        /// The ceiling.
+        ceiling: f32,
+    },
+    /// A voltage above which a self-test is needed that is not finite or negative.
+    #[error("self_test_above_v is {above_v}; it must be finite and not negative")]
+    SelfTest {
+        /// The voltage, V.
+        above_v: f32,
+    },
     /// Limits that were refused.
     #[error("limits: {0}")]
     Limits(LimitsError),
@@ -243,7 +261,15 @@ impl<M: ControllerMemory> Blob<M> {
         let law = law.map_err(BlobError::Law)?;
         let supervisor = Supervisor::new(&parameters.limits, parameters.rate_hz)
             .and_then(|supervisor| supervisor.behind(parameters.amplifier_lag, parameters.rate_hz))
-            .map_err(BlobError::Limits)?;
+            .map_err(BlobError::Limits)?
+            .with_self_test_above(parameters.self_test_above_v);
+        if let Some((quantity, value, ceiling)) = parameters.limits.exceeded(&converters.ceilings) {
+            return Err(BlobError::Ceiling { quantity, value, ceiling });
+        }
+        let above_v = parameters.self_test_above_v;
+        if !(0.0..f32::INFINITY).contains(&above_v) {
+            return Err(BlobError::SelfTest { above_v });
+        }
         parameters.check_reach(command_v, converters.monitor_v)?;
         let sensor_m = |volts| parameters.sensor.apply(volts) - parameters.sensor_offset_m;
         let (unplugged_m, saturated_m) = (sensor_m(0.0), sensor_m(converters.sensor_v));

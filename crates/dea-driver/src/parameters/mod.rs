@@ -1,6 +1,8 @@
 //! The parameters of a board: values, bytes, and two slots of flash (feature `store`).
 
 mod blob;
+#[cfg(feature = "link")]
+mod digest;
 mod memory;
 #[cfg(feature = "store")]
 mod ram_flash;
@@ -11,6 +13,8 @@ mod store;
 #[cfg(feature = "store")]
 pub use blob::BlobHeader;
 pub use blob::{BLOB_LEN, Blob, BlobError, SCHEMA};
+#[cfg(feature = "link")]
+pub(crate) use digest::digest;
 pub use memory::ControllerMemory;
 pub(crate) use memory::Watched;
 #[cfg(feature = "store")]

@@ -4,7 +4,7 @@ use heapless::String;
 use serde::{Deserialize, Serialize};
 use springpot::{Actuator, AmplifierLag, CommandLimits, Compressed, Law, LearningOptions, ObserverOptions};
 
-use crate::chips::{Calibration, CommandRange};
+use crate::chips::{Calibration, Ceilings, CommandRange};
 use crate::parameters::ControllerMemory;
 use crate::safety::Limits;
 
@@ -64,9 +64,20 @@ pub struct Parameters<M: ControllerMemory = Compressed<f32>> {
     pub limits: Limits,
     /// How references are followed and the film is observed.
     pub control: Control,
+    /// Voltage (V) above which [`max_voltage_v`](Limits::max_voltage_v) asks for a self-test of the bench since the start before it is armed:
+    /// [`NO_SELF_TEST_V`](Self::NO_SELF_TEST_V) for never, 0 for always. Blobs that do not state it ask for none.
+    #[serde(skip, default = "no_self_test_v")]
+    pub self_test_above_v: f32,
+}
+
+fn no_self_test_v() -> f32 {
+    Parameters::<Compressed<f32>>::NO_SELF_TEST_V
 }
 
 impl<M: ControllerMemory> Parameters<M> {
+    /// The largest voltage that any limits may allow, V.
+    pub const NO_SELF_TEST_V: f32 = Ceilings::NONE.voltage_v;
+
     /// A bench like the paper's around `actuator`, whose film steps `law`: an amplifier and a monitor of 1000:1 on 0 to 10 V,
     /// a sensor of 1 mm/V that reads 1 V at rest, [`Limits::bench`], [`Control::BENCH`], no name.
     /// The coefficients carry the law's [`Discretisation`](springpot::Discretisation), so that a controller steps a law of either.
@@ -87,6 +98,7 @@ impl<M: ControllerMemory> Parameters<M> {
             sensor: Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
             limits: Limits::bench(actuator.thickness_m as f32),
             control: Control::BENCH,
+            self_test_above_v: Self::NO_SELF_TEST_V,
         }
     }
 }

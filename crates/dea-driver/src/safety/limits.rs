@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use springpot::AmplifierLag;
 
+use crate::chips::Ceilings;
+
 /// Smallest number of ticks in which a sensor can be watched.
 pub(crate) const MIN_TICKS: u32 = 5;
 
@@ -191,6 +193,20 @@ impl Limits {
         self.max_voltage_v * (1.0 + self.monitor.band_share) + self.monitor.band_v
     }
 
+    /// The first limit that is above its ceiling, with both. A ceiling that is not a number lets nothing pass.
+    pub(crate) fn exceeded(&self, ceilings: &Ceilings) -> Option<(&'static str, f32, f32)> {
+        let values = [
+            ("max_voltage_v", self.max_voltage_v, ceilings.voltage_v),
+            ("max_field_v_per_m", self.max_field_v_per_m, ceilings.field_v_per_m),
+            ("max_displacement_m", self.max_displacement_m, ceilings.stroke_m),
+        ];
+        first(&values, |&(_, value, ceiling)| {
+            let within = value <= ceiling;
+            !within
+        })
+        .copied()
+    }
+
     /// Checks that every limit can be kept and protects something.
     ///
     /// # Errors
@@ -223,9 +239,9 @@ impl Limits {
         let sensor = &self.sensor;
         let farthest_m = sensor.low.abs().max(sensor.high.abs());
         let bounds = [
-            // No amplifier for a film gives more, no elastomer holds as much, no film is as thick.
-            ("max_voltage_v", self.max_voltage_v, 50e3),
-            ("max_field_v_per_m", self.max_field_v_per_m, 5e8),
+            ("max_voltage_v", self.max_voltage_v, Ceilings::NONE.voltage_v),
+            ("max_field_v_per_m", self.max_field_v_per_m, Ceilings::NONE.field_v_per_m),
+            // No film is as thick.
             ("thickness_m", self.thickness_m, 0.01),
             // From 0 V to the largest voltage within a tick of a millisecond.
             ("max_slew_v_per_s", self.max_slew_v_per_s, 1000.0 * self.max_voltage_v),

@@ -92,6 +92,25 @@ impl Monitor {
         }
     }
 
+    /// Everything that does not change after construction but the lag.
+    #[cfg(feature = "link")]
+    pub(crate) fn constants(&self) -> ([f32; 3], [i32; 4]) {
+        let ticks = [self.largest_excess, self.watch_ticks, self.again_ticks, self.made_up_ticks];
+        ([self.slew_v_per_tick, self.band_v, self.band_share], ticks)
+    }
+
+    /// Whether its counters and voltages are such as ticks leave them, of commands up to `max_v` (V): others would hide a wrong reading.
+    #[cfg(feature = "link")]
+    pub(crate) fn is_sound(&self, max_v: f32) -> bool {
+        // An arithmetic step may end a little beyond.
+        let possible_v = -1.0..=max_v + 1.0;
+        let counters = [self.excess, self.watched, self.fallen, self.fallen_last];
+        possible_v.contains(&self.lowest_v)
+            && possible_v.contains(&self.highest_v)
+            && counters.iter().all(|&count| count >= 0)
+            && self.watched <= self.watch_ticks
+    }
+
     /// The same monitor of an amplifier with this `lag`, which may be half as slow or half as fast again, ticked `rate_hz` times a second.
     ///
     /// # Errors
@@ -175,7 +194,7 @@ impl Monitor {
     #[cold]
     #[inline(never)]
     fn count_fall(&mut self) {
-        if self.falls > 0 && self.fallen_last - self.fallen <= self.largest_excess / OUTSIDE {
+        if self.falls > 0 && self.fallen_last.saturating_sub(self.fallen) <= self.largest_excess / OUTSIDE {
             return;
         }
         self.fallen = self.fallen.saturating_add(self.made_up_ticks);

@@ -97,6 +97,18 @@ impl Motion {
         }
     }
 
+    /// Everything that does not change after construction.
+    #[cfg(feature = "link")]
+    pub(crate) fn constants(&self) -> (f32, u32, f32) {
+        (self.band_m, self.block_ticks, self.min_softness)
+    }
+
+    /// Whether the softness is one that ticks leave: a smaller one would hide the stroke.
+    #[cfg(feature = "link")]
+    pub(crate) fn is_sound(&self) -> bool {
+        (self.min_softness..=MAX_SOFTNESS).contains(&self.softness)
+    }
+
     /// Starts again as if nothing had been seen.
     pub fn reset(&mut self) {
         *self = Self::in_blocks(self.band_m, self.block_ticks).beyond_by(self.min_softness - 1.0);

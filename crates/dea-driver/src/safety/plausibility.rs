@@ -43,6 +43,12 @@ pub struct Plausibility {
 }
 
 impl Plausibility {
+    /// The limits.
+    #[cfg(feature = "link")]
+    pub(crate) fn limits(&self) -> PlausibilityLimits {
+        self.limits
+    }
+
     /// A check that has seen no value yet.
     #[must_use]
     pub const fn new(limits: PlausibilityLimits) -> Self {

@@ -80,6 +80,9 @@ pub enum Cause {
     Clock,
     /// The option bytes of the controller leave out a protection.
     OptionBytes,
+    /// Parameters, limits or the film's laws in RAM, or the program in the flash, are not what they were: a bit has flipped. Parameters
+    /// that are loaded anew, or a reset, end it.
+    Memory,
 }
 
 /// Reasons to refuse a request.
@@ -99,4 +102,7 @@ pub enum Refusal {
     /// The displacement sensor is implausible.
     #[error("the displacement sensor is implausible: {0:?}")]
     Sensor(SensorFault),
+    /// The parameters allow so much voltage that a self-test of the bench has to pass first, and none has since the start.
+    #[error("no self-test of the bench has passed since the start, which the parameters ask for at this voltage")]
+    SelfTest,
 }

@@ -1,5 +1,7 @@
 //! The checks of every tick, the transitions between states, and the limits of every command.
 
+#[cfg(feature = "link")]
+use serde::Serialize;
 use springpot::AmplifierLag;
 
 use crate::safety::limits::positive;
@@ -97,6 +99,11 @@ pub struct Supervisor {
     /// Ticks at 0 V that are still missing before it can be armed, or a live film acknowledged.
     missing_at_0_v: u32,
     command_v: f32,
+    /// Largest voltage until it is armed again, V: less for a self-test.
+    armed_for_v: f32,
+    /// Whether it is armed without limits only after a self-test, and whether one has passed.
+    needs_self_test: bool,
+    is_self_tested: bool,
     monitor: Monitor,
     sensor: Plausibility,
     /// State of the interlock in the last tick.
@@ -144,6 +151,9 @@ impl Supervisor {
             discharged: true,
             missing_at_0_v: 0,
             command_v: 0.0,
+            armed_for_v: limits.max_voltage_v,
+            needs_self_test: false,
+            is_self_tested: false,
             monitor: Monitor::new(limits.monitor, rate_hz),
             sensor: Plausibility::new(limits.sensor),
             // There are no readings yet, so arming is refused.
@@ -170,6 +180,40 @@ impl Supervisor {
         let time_constants = (time_constants.count() + 2) as f32;
         let falls_ticks = (lag.fall_s as f32 * rate_hz * time_constants) as u32;
         Ok(Self { monitor, discharge_ticks: self.discharge_ticks.max(falls_ticks), ..self })
+    }
+
+    /// The same supervisor, which is not [armed](Self::arm) before a self-test has passed if its limits allow more than `above_v` (V).
+    #[must_use]
+    pub fn with_self_test_above(self, above_v: f32) -> Self {
+        let within = self.max_voltage_v <= above_v;
+        Self { needs_self_test: !within, ..self }
+    }
+
+    /// Notes that a self-test of the bench has passed, for all of the time until the next reset.
+    pub fn note_self_test(&mut self) {
+        self.is_self_tested = true;
+    }
+
+    /// Everything that does not change after construction, for a check of the memory.
+    #[cfg(feature = "link")]
+    pub(crate) fn constants(&self) -> impl Serialize + use<> {
+        let limits = [
+            self.max_voltage_v,
+            self.monitored_v,
+            self.field_v,
+            self.slew_v_per_tick,
+            self.max_displacement_m,
+            self.max_disturbance_share,
+            self.live_v,
+        ];
+        let ticks = (self.heartbeat_ticks, self.discharge_ticks, self.needs_self_test);
+        (limits, ticks, self.on_sensor_fault, self.monitor.constants(), self.sensor.limits())
+    }
+
+    /// Whether what changes from tick to tick is such as ticks leave it, where another value would hide a fault.
+    #[cfg(feature = "link")]
+    pub(crate) fn is_sound(&self) -> bool {
+        self.monitor.is_sound(self.max_voltage_v) && (0.0..=self.max_voltage_v).contains(&self.armed_for_v)
     }
 
     /// The state.
@@ -235,17 +279,35 @@ impl Supervisor {
     ///
     /// # Errors
     ///
-    /// [`Refusal`] from another state than disarmed, while the readings of the last tick are not safe, and until a film that was live
-    /// again after its discharge has been at 0 V for as long as that takes.
+    /// [`Refusal`] from another state than disarmed, while the readings of the last tick are not safe, until a film that was live
+    /// again after its discharge has been at 0 V for as long as that takes, and without a self-test that is
+    /// [asked for](Self::with_self_test_above).
     pub fn arm(&mut self) -> Result<(), Refusal> {
-        if let Some(refusal) = self.refusals().next() {
-            return Err(refusal);
-        }
+        self.refusals().next().map_or(Ok(()), Err)?;
+        self.enable(self.max_voltage_v);
+        Ok(())
+    }
+
+    /// The same for a self-test, with or without one before: the largest voltage is [`SELF_TEST_V`](Self::SELF_TEST_V) until it is armed again.
+    ///
+    /// # Errors
+    ///
+    /// As [`arm`](Self::arm), without that of the self-test.
+    pub fn arm_for_self_test(&mut self) -> Result<(), Refusal> {
+        self.refusals().find(|&refusal| refusal != Refusal::SelfTest).map_or(Ok(()), Err)?;
+        self.enable(self.max_voltage_v.min(Self::SELF_TEST_V));
+        Ok(())
+    }
+
+    /// Largest voltage of a self-test, V: enough to be seen at the monitor, too little to move a film.
+    pub const SELF_TEST_V: f32 = 500.0;
+
+    fn enable(&mut self, armed_for_v: f32) {
+        self.armed_for_v = armed_for_v;
         self.state = DriverState::Armed;
         (self.live_ticks, self.discharged) = (0, false);
         self.ticks_since_heartbeat = 0;
         self.monitor.reset();
-        Ok(())
     }
 
     /// Reasons that keep it from being armed now, all of them.
@@ -257,6 +319,7 @@ impl Supervisor {
             (!self.interlock_closed).then_some(Refusal::InterlockOpen),
             is_live.then_some(Refusal::LiveVoltage),
             fault.map(Refusal::Sensor),
+            (self.needs_self_test && !self.is_self_tested).then_some(Refusal::SelfTest),
         ]
         .into_iter()
         .flatten()
@@ -408,7 +471,7 @@ impl Supervisor {
     }
 
     /// The command (V) of this tick when `wanted_v` is asked for: 0 V unless running, towards 0 V for NaN; between 0 V and the
-    /// largest voltage that bench and field allow; no faster than the slew, except that the field limit outranks it.
+    /// largest voltage that bench, field and the way of [arming](Self::arm_for_self_test) allow; no faster than the slew, except that the field limit outranks it.
     /// `thinning` is how many times thinner than at rest the film is.
     ///
     /// The field limit of a thinned film is computed here on purpose, independently of the control law's own copy of that rule
@@ -416,7 +479,7 @@ impl Supervisor {
     pub fn command(&mut self, wanted_v: f32, thinning: f32) -> f32 {
         self.command_v = if matches!(self.state, DriverState::Running) {
             let by_field = if thinning > 1.0 { self.field_v / thinning } else { self.field_v };
-            let most = if by_field < self.max_voltage_v { by_field } else { self.max_voltage_v };
+            let most = if by_field < self.armed_for_v { by_field } else { self.armed_for_v };
             let wanted = if wanted_v > 0.0 { wanted_v } else { 0.0 };
             let slewed = self.command_v + bounded(wanted - self.command_v, self.slew_v_per_tick);
             if slewed < most { slewed } else { most }

@@ -46,6 +46,8 @@ pub struct Device<M: ControllerMemory = Compressed<f32>> {
     latched: Option<Cause>,
     /// Whether older parameters are in force than were saved last, and no host has acknowledged that.
     parameters_lost: bool,
+    /// The next part of the controller whose memory is checked.
+    checked: u8,
     /// Ticks since the background's last sign of life.
     ticks_alone: u32,
     /// Whether the last tick enabled the amplifier, and the one before.
@@ -114,6 +116,7 @@ impl<M: ControllerMemory> Device<M> {
             controller: None,
             latched,
             parameters_lost: false,
+            checked: 0,
             ticks_alone: 0,
             enabled: false,
             enabled_before: false,
@@ -154,6 +157,9 @@ impl<M: ControllerMemory> Device<M> {
         if let DriverState::Tripped(cause) = self.state() {
             controller.trip(cause);
         }
+        if self.since_test.is_some() {
+            controller.note_self_test();
+        }
         self.controller = Some(match &self.controller {
             Some(before) => controller.after(before),
             None => controller,
@@ -179,9 +185,27 @@ impl<M: ControllerMemory> Device<M> {
         }
     }
 
+    /// Trips and latches, in every state, without parameters as well: a fault of the board itself, for as long as it lasts. After the outputs of
+    /// a tick it acts with the next one.
+    pub fn latch(&mut self, cause: Cause) {
+        match &mut self.controller {
+            Some(controller) => controller.trip(cause),
+            None => self.latched = self.latched.or(Some(cause)),
+        }
+    }
+
     /// Reports that the background, which serves the host, is alive: to be called once in every turn of its loop.
     pub fn background_is_running(&mut self) {
         self.ticks_alone = 0;
+    }
+
+    /// Checks a part of the memory that does not change: [`Cause::Memory`] is latched where it has. To be called in every turn of the
+    /// background, as [`Session::turn`](crate::server::Session::turn) does.
+    pub fn check_memory(&mut self) {
+        self.checked = self.checked.wrapping_add(1);
+        if self.controller.as_ref().is_some_and(|controller| !controller.is_intact(self.checked)) {
+            self.latch(Cause::Memory);
+        }
     }
 
     /// Whether the background has been alive within half a second. A tick whose background hangs must not go on feeding the
@@ -220,10 +244,7 @@ impl<M: ControllerMemory> Device<M> {
     pub fn report(&mut self, inspection: Inspection) {
         self.inspection = Some(inspection);
         if inspection.enable_high != self.enabled_before {
-            match &mut self.controller {
-                Some(controller) => controller.trip(Cause::Enable),
-                None => self.latched = self.latched.or(Some(Cause::Enable)),
-            }
+            self.latch(Cause::Enable);
         }
     }
 
@@ -237,6 +258,9 @@ impl<M: ControllerMemory> Device<M> {
     pub(crate) fn note_self_test(&mut self) -> Result<(), Denial> {
         self.is_off()?;
         self.since_test = Some(0);
+        if let Some(controller) = &mut self.controller {
+            controller.note_self_test();
+        }
         Ok(())
     }
 
@@ -308,6 +332,11 @@ impl<M: ControllerMemory> Device<M> {
     /// [`Controller::arm`].
     pub fn arm(&mut self) -> Result<(), Denial> {
         Ok(self.installed()?.arm()?)
+    }
+
+    /// [`Controller::arm_for_self_test`].
+    pub fn arm_for_self_test(&mut self) -> Result<(), Denial> {
+        Ok(self.installed()?.arm_for_self_test()?)
     }
 
     /// [`Controller::start`].

@@ -2,6 +2,7 @@
 
 mod device;
 mod flight_recorder;
+mod image;
 #[cfg(feature = "loop-test")]
 mod loop_test;
 #[cfg(feature = "chips")]
@@ -11,5 +12,6 @@ mod upload;
 
 pub use device::{Denial, Device};
 pub use flight_recorder::{FlightRecorder, FlightSlot};
+pub use image::Image;
 pub use session::{Board, Session, StartError};
 pub use upload::Upload;

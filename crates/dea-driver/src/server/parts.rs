@@ -20,6 +20,7 @@ impl From<Result<(), AmplifierError>> for Part {
             Ok(()) => Self::Answers,
             Err(AmplifierError::Bus) => Self::Bus,
             Err(AmplifierError::Enable) => Self::Pin,
+            Err(AmplifierError::NoReference) => Self::NoReference,
             Err(AmplifierError::Readback { wanted, found }) => Self::Wrong { wanted, found },
         }
     }

@@ -5,7 +5,7 @@ use heapless::String;
 use springpot::Compressed;
 
 use crate::control::{Controller, FlightRecord, LearningOrder, Mode};
-use crate::parameters::{Blob, ControllerMemory, SCHEMA, Store, StoreError};
+use crate::parameters::{Blob, BlobError, ControllerMemory, SCHEMA, Store, StoreError};
 use crate::safety::{Cause, DriverState, Refusal};
 use crate::server::{Denial, Device, Upload};
 use crate::wire::{
@@ -84,6 +84,12 @@ pub trait Board<M: ControllerMemory = Compressed<f32>> {
     /// no watchdog to be tried.
     fn stop_feeding_watchdog(&mut self) -> bool {
         false
+    }
+
+    /// Whether what was checked of the program's [image](crate::server::Image) in this call is as it was at the start: asked in every turn of the
+    /// background.
+    fn image_is_intact(&mut self) -> bool {
+        true
     }
 
     /// Causes a fault on purpose, in an image with a virtual bench; false in any other, and for one that it cannot cause.
@@ -169,7 +175,7 @@ impl Session {
         Ok(())
     }
 
-    /// One turn of the background's loop: reports to the tick that it is alive, serves no more than [`TURN`](Self::TURN) of the `bytes` that wait, and
+    /// One turn of the background's loop: reports to the tick that it is alive, checks a part of the memory, serves no more than [`TURN`](Self::TURN) of the `bytes` that wait, and
     /// passes the answers to `send`. Returns whether there were any bytes. However many come, a turn ends, so that a flood delays the
     /// host that armed and telemetry, but no tick finds the background dead for it.
     pub fn turn<M: ControllerMemory, B: Board<M>>(
@@ -178,7 +184,14 @@ impl Session {
         board: &mut B,
         mut send: impl FnMut(&Message),
     ) -> bool {
-        board.with(Device::background_is_running);
+        let is_intact = board.image_is_intact();
+        board.with(|device| {
+            device.background_is_running();
+            device.check_memory();
+            if !is_intact {
+                device.latch(Cause::Memory);
+            }
+        });
         let mut quiet = true;
         for byte in bytes.take(Self::TURN) {
             quiet = false;
@@ -218,7 +231,8 @@ impl Session {
             Command::Identify => return self.identity(B::ID),
             Command::Heartbeat => self.drive(token, Act::StayAlive, board),
             Command::Status => return self.status(board),
-            Command::Arm => return self.arm(sequence, board),
+            Command::Arm => return self.arm(sequence, Device::arm, board),
+            Command::ArmForSelfTest => return self.arm(sequence, Device::arm_for_self_test, board),
             Command::Start(mode) => self.drive(token, Act::Start(mode), board),
             Command::Stop => board.with(Device::stop).0,
             Command::Disarm => board.with(Device::disarm).0,
@@ -312,8 +326,13 @@ impl Session {
         board.remember_trial(on_trial);
     }
 
-    fn arm<M: ControllerMemory, B: Board<M>>(&mut self, sequence: u16, board: &mut B) -> Answer {
-        let (armed, _) = board.with(|device| device.arm().map(|()| device.status().ticks));
+    fn arm<M: ControllerMemory, B: Board<M>>(
+        &mut self,
+        sequence: u16,
+        arm: fn(&mut Device<M>) -> Result<(), Denial>,
+        board: &mut B,
+    ) -> Answer {
+        let (armed, _) = board.with(|device| arm(device).map(|()| device.status().ticks));
         match armed {
             Ok(ticks) => {
                 self.token = another_token(self.token, ticks ^ board.noise());
@@ -370,7 +389,10 @@ impl Session {
     ) -> Result<(), Denial> {
         let bytes = self.upload.finish(length).map_err(Denial::Rejected)?;
         board.with(|device| device.is_off()).0?;
-        let blob = board.store().decode(bytes).map_err(|_| Denial::Rejected(Reject::Blob))?;
+        let blob = board.store().decode(bytes).map_err(|error| match error {
+            StoreError::Refused(BlobError::Ceiling { .. }) => Denial::Rejected(Reject::Ceiling),
+            _ => Denial::Rejected(Reject::Blob),
+        })?;
         // What this board cannot run is not stored either.
         let controller = controller(blob, board).map_err(Denial::Rejected)?;
         if keep {

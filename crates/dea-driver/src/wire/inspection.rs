@@ -42,4 +42,6 @@ pub enum Part {
     Starting,
     /// A pin does not switch.
     Pin,
+    /// The DAC has no internal reference, which the firmware was built for: it is an AD5754, not an AD5754R.
+    NoReference,
 }

@@ -14,7 +14,7 @@ pub const BATCH: usize = 24;
 pub const RECORDS: usize = 8;
 
 /// Reasons to refuse to be armed, all at once.
-pub const REFUSALS: usize = 4;
+pub const REFUSALS: usize = 5;
 
 /// Bytes of an upload in one frame.
 pub const CHUNK: usize = 128;
@@ -124,6 +124,8 @@ pub enum Command {
     Preflight,
     /// Report that a host's self-test of the bench has passed. Only while the amplifier is disabled.
     SelfTested,
+    /// Enable the amplifier at 0 V for a self-test, with 500 V at the most. Answered by [`Answer::Armed`].
+    ArmForSelfTest,
 }
 
 /// Faults that an image with a virtual bench causes on purpose.
@@ -252,6 +254,8 @@ pub enum Reject {
     Rate,
     /// From another host than the one that armed.
     Token,
+    /// The blob allows more than the ceilings of this board; the old parameters stay.
+    Ceiling,
 }
 
 impl From<FrameError> for Reject {

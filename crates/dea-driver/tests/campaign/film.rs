@@ -1,6 +1,6 @@
 //! Films that are not, or not quite, the controller's model.
 
-use std::sync::LazyLock;
+use std::sync::OnceLock;
 
 use springpot::{Actuator, Law, LawOptions, LawState, Preset, VoltageDrive};
 
@@ -41,24 +41,23 @@ pub struct ModelFilm {
 }
 
 /// Laws of the model from 0.8 to 1.2 times its stiffness.
-static LAWS: LazyLock<Vec<(Law<f64>, VoltageDrive<f64>)>> = LazyLock::new(|| {
-    let stiffnesses = (0..=8).map(|index| 0.8 + 0.05 * f64::from(index));
-    stiffnesses
-        .map(|factor| {
-            let model = Preset::TABLE3_N2.model().expect("valid");
-            let scaled = model.scaled(factor).expect("positive");
-            let law = Law::compressed(&scaled, LawOptions::at_step(STEP_S)).expect("valid");
-            let drive = VoltageDrive::new(&Actuator::KARNER_2022, MAX_V, law.stiffness()).expect("valid");
-            (law, drive)
-        })
-        .collect()
-});
+static LAWS: [OnceLock<(Law<f64>, VoltageDrive<f64>)>; 9] = [const { OnceLock::new() }; 9];
+
+fn law(index: usize) -> &'static (Law<f64>, VoltageDrive<f64>) {
+    LAWS[index].get_or_init(|| {
+        let model = Preset::TABLE3_N2.model().expect("valid");
+        let scaled = model.scaled(0.8 + 0.05 * index as f64).expect("positive");
+        let law = Law::compressed(&scaled, LawOptions::at_step(STEP_S)).expect("valid");
+        let drive = VoltageDrive::new(&Actuator::KARNER_2022, MAX_V, law.stiffness()).expect("valid");
+        (law, drive)
+    })
+}
 
 impl ModelFilm {
     /// A film at rest, `stiffness` times as stiff as the model (0.8 to 1.2, in steps of 0.05), with `force` times its force.
     pub fn new(stiffness: f64, force: f64) -> Self {
         let index = ((stiffness - 0.8) / 0.05).round().clamp(0.0, 8.0) as usize;
-        let law = &LAWS[index];
+        let law = law(index);
         Self { law, state: law.0.state(), force_root: force.sqrt(), warm_root: force.sqrt() }
     }
 

@@ -13,6 +13,9 @@ mod blobs;
 mod commands;
 mod explore;
 mod film;
+// Its stack is that of this processor.
+#[cfg(all(target_arch = "x86_64", target_os = "linux"))]
+mod flips;
 mod hosts;
 mod line;
 mod link;
@@ -23,5 +26,7 @@ mod power_loss;
 mod reference;
 mod scale;
 mod sensor;
+#[cfg(all(target_arch = "x86_64", target_os = "linux"))]
+mod stack;
 mod states;
 mod torn_flash;

@@ -1,6 +1,6 @@
 //! A board without hardware.
 
-use dea_driver::server::{Board, FlightRecorder, FlightSlot, Session};
+use dea_driver::server::{Board, FlightRecorder, FlightSlot, Image, Session};
 use dea_driver::wire::{Answer, Command, FRAME_LEN, FlightRecord, InjectedFault, Message, Request, encode};
 use dea_driver::{Cause, Device, Drive, Inputs, RamFlash, Store};
 
@@ -23,6 +23,15 @@ pub struct Bench {
     /// Whether its watchdog is not fed any more.
     pub watchdog_expires: bool,
     pub recorder: FlightRecorder<Vec<FlightSlot>>,
+    /// Its program, where that is checked.
+    pub program: Option<Program>,
+}
+
+/// A program in a flash.
+#[derive(Clone)]
+pub struct Program {
+    pub image: Image,
+    pub words: Vec<u32>,
 }
 
 impl Bench {
@@ -40,6 +49,7 @@ impl Bench {
             injected: None,
             watchdog_expires: false,
             recorder: FlightRecorder::new(vec![[0; 10]; 64]),
+            program: None,
         }
     }
 
@@ -98,6 +108,10 @@ impl Board for Bench {
 
     fn remembers_trial(&self) -> bool {
         self.trial
+    }
+
+    fn image_is_intact(&mut self) -> bool {
+        self.program.as_mut().is_none_or(|Program { image, words }| image.is_intact(words))
     }
 
     fn stop_feeding_watchdog(&mut self) -> bool {

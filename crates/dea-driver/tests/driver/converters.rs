@@ -5,7 +5,7 @@ use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
 use converter_chips::{Ad5754, Ads868x as AdcChip, Clock, Line, Rule, SpiBus, SpiTiming, Variant};
-use dea_driver::chips::{AdcRange, CommandRange};
+use dea_driver::chips::{AdcRange, CommandRange, Reference};
 use dea_driver::{
     AdcError, Ads868x, Amplifier, AmplifierError, Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Limits,
     Mode, Parameters,
@@ -62,6 +62,12 @@ fn bench(variant: Variant, rate_hz: f32, timing: SpiTiming) -> Bench<converter_c
     with_dac(variant, rate_hz, timing, true, |bus, dac| bus.connect(dac, MODE_1))
 }
 
+/// The same with this DAC on this reference.
+fn with_reference(chip: Ad5754, reference: Reference) -> Bench<converter_chips::SpiWire, impl OutputPin> {
+    let wire = |bus: &SpiBus, dac: &Shared<Ad5754>| bus.connect(dac, MODE_1);
+    with_parts(Variant::Ads8681, 1000.0, BOARD, true, (chip, reference), wire)
+}
+
 fn with_dac<D: SpiDevice>(
     variant: Variant,
     rate_hz: f32,
@@ -69,10 +75,21 @@ fn with_dac<D: SpiDevice>(
     clr_at_enable: bool,
     wire: impl FnOnce(&SpiBus, &Shared<Ad5754>) -> D,
 ) -> Bench<D, impl OutputPin> {
+    with_parts(variant, rate_hz, timing, clr_at_enable, (Ad5754::new(), Reference::External), wire)
+}
+
+fn with_parts<D: SpiDevice>(
+    variant: Variant,
+    rate_hz: f32,
+    timing: SpiTiming,
+    clr_at_enable: bool,
+    (chip, reference): (Ad5754, Reference),
+    wire: impl FnOnce(&SpiBus, &Shared<Ad5754>) -> D,
+) -> Bench<D, impl OutputPin> {
     let clock = Clock::new();
     clock.advance(100_000_000);
     let (dac_bus, adc_bus) = (SpiBus::new(&clock, timing), SpiBus::new(&clock, timing));
-    let dac = Rc::new(RefCell::new(Ad5754::new()));
+    let dac = Rc::new(RefCell::new(chip));
     dac.borrow_mut().set_ldac(false, clock.now());
     dac.borrow_mut().set_clr(!clr_at_enable, clock.now());
     let enable = Rc::new(Cell::new(false));
@@ -93,8 +110,8 @@ fn with_dac<D: SpiDevice>(
     let [monitor_chip, sensor_chip] = [(); 2].map(|()| Rc::new(RefCell::new(AdcChip::new(variant))));
     monitor_chip.borrow_mut().set_input_fn(film);
     sensor_chip.borrow_mut().set_input_fn(|now| 1.0 + 4e-4 * ((now / 1000) % 7) as f64);
-    let amplifier =
-        Amplifier::new(wire(&dac_bus, &dac), pin, CommandRange::FiveVolts).unwrap_or_else(|_| panic!("a bus"));
+    let amplifier = Amplifier::with_reference(wire(&dac_bus, &dac), pin, CommandRange::FiveVolts, reference);
+    let amplifier = amplifier.unwrap_or_else(|_| panic!("a bus"));
     let mut device = Device::new(None);
     device.install(Controller::new(Blob::new(parameters(rate_hz)).expect("valid"))).expect("disarmed");
     Bench {
@@ -300,4 +317,48 @@ fn a_dac_at_its_limits_is_not_enabled() {
         assert!(matches!(bench.applied, Err(AmplifierError::Readback { .. })), "{:?}", bench.applied);
         bench.arming_trips();
     }
+}
+
+/// An AD5754R on its own reference runs; an AD5754 that was taken for one is refused by its name before it is enabled.
+#[test]
+fn a_dac_on_its_own_reference_runs_and_one_without_is_refused() {
+    for (chip, reference) in [
+        (Ad5754::with_reference(false), Reference::Internal),
+        (Ad5754::with_reference(true), Reference::External),
+        (Ad5754::new(), Reference::External),
+    ] {
+        let mut bench = with_reference(chip, reference);
+        bench.start(Mode::Voltage);
+        bench.device.set_voltage(2000.0).expect("within the limits");
+        bench.ticks(100);
+        assert!((bench.film_v() - 2000.0).abs() < 0.1, "{reference:?}: {} V", bench.film_v());
+        let two = |violation: &converter_chips::Violation| violation.rule == Rule::TwoReferences;
+        assert!(!bench.dac.borrow().violations().iter().any(two), "two references drive one pin");
+        // A dip of its supply switches the reference off; it is noticed with the next tick, and comes back.
+        let now = bench.clock.now();
+        bench.dac.borrow_mut().set_dvcc(false, now);
+        bench.dac.borrow_mut().set_dvcc(true, now + 1000);
+        bench.tick();
+        assert_eq!(bench.state(), DriverState::Tripped(Cause::Bus), "{reference:?}");
+        bench.ticks(5);
+        bench.device.acknowledge().expect("tripped");
+        bench.start(Mode::Voltage);
+        bench.device.set_voltage(2000.0).expect("within the limits");
+        bench.ticks(100);
+        assert!((bench.film_v() - 2000.0).abs() < 0.1, "{reference:?}: {} V", bench.film_v());
+    }
+    let mut bench = with_reference(Ad5754::new(), Reference::Internal);
+    bench.ticks(20);
+    assert_eq!(bench.applied, Err(AmplifierError::NoReference));
+    bench.arming_trips();
+}
+
+/// Nothing that is read back shows that a reference is missing: the monitor does, and trips.
+#[test]
+fn a_dac_without_its_reference_trips_with_the_monitor() {
+    let mut bench = with_reference(Ad5754::with_reference(false), Reference::External);
+    bench.start(Mode::Voltage);
+    bench.device.set_voltage(2000.0).expect("within the limits");
+    bench.ticks(100);
+    assert_eq!(bench.state(), DriverState::Tripped(Cause::Monitor));
 }

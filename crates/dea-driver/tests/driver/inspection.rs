@@ -23,6 +23,7 @@ fn a_host_asks_what_the_board_finds_of_its_parts() {
     assert_eq!((found.monitor, found.sensor), (Part::Answers, Part::Wrong { wanted: 9, found: 8 }));
     let others = [Part::from(Err(AmplifierError::Bus)), Err(AmplifierError::Enable).into()];
     assert_eq!(others, [Part::Bus, Part::Pin]);
+    assert_eq!(Part::from(Err(AmplifierError::NoReference)), Part::NoReference);
     let others = [AdcError::Bus, AdcError::Starting].map(|error| Part::from(Err::<AdcCode, _>(error)));
     assert_eq!(others, [Part::Bus, Part::Starting]);
     host.bench.device.report(found);

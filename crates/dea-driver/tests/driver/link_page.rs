@@ -45,6 +45,7 @@ pub fn commands() -> Vec<Command> {
         Command::FlightRecords { back: 0 },
         Command::Preflight,
         Command::SelfTested,
+        Command::ArmForSelfTest,
     ]
 }
 

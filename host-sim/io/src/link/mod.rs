@@ -191,7 +191,20 @@ impl Client {
     ///
     /// As [`order`](Self::order).
     pub fn arm(&mut self) -> Result<u16> {
-        match self.ask(Command::Arm)? {
+        self.arm_by(Command::Arm)
+    }
+
+    /// The same for a self-test: 500 V at the most.
+    ///
+    /// # Errors
+    ///
+    /// As [`order`](Self::order).
+    pub fn arm_for_self_test(&mut self) -> Result<u16> {
+        self.arm_by(Command::ArmForSelfTest)
+    }
+
+    fn arm_by(&mut self, command: Command) -> Result<u16> {
+        match self.ask(command)? {
             Answer::Armed { token } => {
                 self.token = token;
                 Ok(token)
@@ -354,9 +367,15 @@ impl Client {
             Answer::Refused(Refusal::Sensor(fault)) => {
                 format!("displacement sensor implausible ({fault:?}): check its connection")
             }
+            Answer::Refused(Refusal::SelfTest) => {
+                "no self-test has passed since its start, which the parameters ask for above self_test_above_v".into()
+            }
             Answer::Stale { .. } => "the request came too late, or twice, and was not obeyed".into(),
             Answer::Rejected(Reject::Value) => "the value is beyond the limits of the parameters".into(),
             Answer::Rejected(Reject::Blob) => "the parameter blob was refused; was it made for this board?".into(),
+            Answer::Rejected(Reject::Ceiling) => {
+                "the limits are above the ceilings of the board's firmware, which no parameters raise".into()
+            }
             Answer::Rejected(Reject::Rate) => {
                 "the board cannot tick at that rate; export with another `rate_hz`".into()
             }

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use dea_driver::chips::Calibration;
-use dea_driver::{Blob, Controller, DriverState, Inputs, Mode, OnSensorFault};
+use dea_driver::{Blob, Controller, DriverState, Inputs, Mode, OnSensorFault, Parameters as BoardParameters};
 use springpot::Discretisation;
 
 use super::description::Supply;
@@ -88,6 +88,8 @@ pub fn controller(parameters: &Parameters, supply: &Supply, has_sensor: bool) ->
     // A tick is longer than on a board.
     limits.sensor.jump = (limits.sensor.jump * (1000.0 / rate_hz as f32).max(1.0)).min(0.24 * span_m);
     limits.on_sensor_fault = if has_sensor { OnSensorFault::Trip } else { OnSensorFault::OpenLoop };
+    // That of a board: here the session checks the supply.
+    board.self_test_above_v = <BoardParameters>::NO_SELF_TEST_V;
     let tick_s = 1.0 / rate_hz as f32;
     control.sample_interval_s = control.sample_interval_s.max(tick_s);
     control.lost_after_s = control.lost_after_s.max(3.0 * control.sample_interval_s);

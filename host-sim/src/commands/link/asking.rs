@@ -99,6 +99,7 @@ pub(super) fn answer(part: Part) -> String {
         Part::Wrong { wanted, found } => format!("{found:#06x} for {wanted:#06x}"),
         Part::Starting => "is being set up".into(),
         Part::Pin => "its pin does not switch".into(),
+        Part::NoReference => "has no internal reference".into(),
         _ => "does not answer".into(),
     }
 }

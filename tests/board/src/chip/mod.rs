@@ -176,6 +176,11 @@ impl Chip {
         self.advance();
     }
 
+    /// The slow oscillator has another frequency from now on, Hz, or none.
+    pub fn change_slow(&mut self, hz: Option<u32>) {
+        self.rcc.change_slow(hz, self.now);
+    }
+
     /// The firmware reads a word.
     pub fn read(&mut self, address: u32) -> u32 {
         let (word, bit) = word_of(address);

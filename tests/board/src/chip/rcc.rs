@@ -157,6 +157,12 @@ impl Rcc {
         self.oscillators.slow_hz.filter(|_| runs).map(|hz| (hz, self.slow_at))
     }
 
+    /// The slow oscillator has another frequency from now on, Hz, or none.
+    pub fn change_slow(&mut self, hz: Option<u32>, now: Picoseconds) {
+        self.oscillators.slow_hz = hz;
+        self.slow_at = now;
+    }
+
     /// Whether the block's clock is on.
     pub fn enables(&self, block: Block) -> bool {
         block.gate().is_none_or(|gate| self.registers[gate.enable] & 1 << gate.bit != 0)

@@ -34,8 +34,9 @@ pub struct Timer {
     at: Picoseconds,
     /// Duration of a count, in parts of a second's picoseconds.
     fraction: u128,
-    /// Edges of the slow oscillator up to then.
+    /// Edges of the slow oscillator up to then, and since when.
     edges: u64,
+    since: Picoseconds,
     /// Edges since the last capture.
     since_capture: u32,
 }
@@ -48,6 +49,7 @@ impl Default for Timer {
             at: 0,
             fraction: 0,
             edges: 0,
+            since: 0,
             since_capture: 0,
         }
     }
@@ -66,6 +68,9 @@ impl Timer {
             self.edges = 0;
             return;
         };
+        if self.since != since {
+            (self.edges, self.since) = (0, since);
+        }
         let edges = periods(now - since, slow_hz);
         while self.edges < edges {
             self.edges += 1;

@@ -1,6 +1,6 @@
 //! From codes to volts: ranges, power-up, LDAC, CLR, settling, supplies and limits.
 
-use converter_chips::Rule;
+use converter_chips::{Ad5754, Rule};
 
 use crate::master::Dac;
 
@@ -125,4 +125,30 @@ fn dvcc_loss_resets_everything() {
     assert_eq!(dac.read(0x99_0000) & 15, 0b0100);
     assert_eq!(dac.read(0x80_0000) & 0xffff, 0);
     assert_eq!(dac.settled(), 0.0);
+}
+
+#[test]
+fn an_ad5754r_without_a_reference_stays_at_0_v() {
+    for (mut chip, power_bits, read_back, volts, rules) in [
+        (Ad5754::new(), 0x01, 0x01, 5.0, vec![]),
+        (Ad5754::new(), 0x11, 0x01, 5.0, vec![]),
+        (Ad5754::with_reference(false), 0x01, 0x01, 0.0, vec![]),
+        (Ad5754::with_reference(false), 0x11, 0x11, 5.0, vec![]),
+        (Ad5754::with_reference(true), 0x01, 0x01, 5.0, vec![]),
+        (Ad5754::with_reference(true), 0x11, 0x11, 5.0, vec![Rule::TwoReferences]),
+    ] {
+        chip.set_ldac(false, 0);
+        let mut dac = Dac { chip, ..Dac::new() };
+        dac.write(0x08_0001);
+        dac.write(0x10_0000 | power_bits);
+        dac.wait(10_000);
+        dac.write(0x00_8000);
+        assert_eq!(dac.settled(), volts, "{power_bits:#x}");
+        assert_eq!(dac.rules(), rules, "{power_bits:#x}");
+        assert_eq!(dac.read(0x80_0000) & 0xffff, 0x8000, "the code does not show it");
+        assert_eq!(power(&mut dac), read_back, "{power_bits:#x}");
+        dac.chip.set_dvcc(false, dac.master.now);
+        dac.chip.set_dvcc(true, dac.master.now);
+        assert_eq!(power(&mut dac), 0, "off after power-up");
+    }
 }

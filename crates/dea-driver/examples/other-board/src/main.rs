@@ -10,7 +10,8 @@ use core::{cell::Cell, cell::RefCell, convert::Infallible, f32::consts::PI, fmt:
 #[cfg(not(target_os = "none"))]
 use std::process;
 
-use dea_driver::{Blob, Cause, Controller, DriverState, Inputs, Mode, Outputs, Parameters, chips::Converters};
+use dea_driver::chips::{Ceilings, Converters};
+use dea_driver::{Blob, Cause, Controller, DriverState, Inputs, Mode, Outputs, Parameters};
 use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
 #[cfg(target_os = "none")]
@@ -25,7 +26,12 @@ const BOARD: u16 = 7;
 const DAC_V: f32 = 2.5;
 const ADC_V: f32 = 3.3;
 const MAX_ADC_V: f32 = ADC_V * (4095.0 / 4096.0);
-const CONVERTERS: Converters = Converters { command_v: Some(DAC_V), monitor_v: MAX_ADC_V, sensor_v: MAX_ADC_V };
+const CONVERTERS: Converters = Converters {
+    command_v: Some(DAC_V),
+    monitor_v: MAX_ADC_V,
+    sensor_v: MAX_ADC_V,
+    ceilings: Ceilings { voltage_v: 6e3, field_v_per_m: 6e7, stroke_m: 8e-3 },
+};
 const MONITOR: u8 = 0; // channels of the ADC
 const SENSOR: u8 = 1;
 

@@ -12,6 +12,8 @@ const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 const USUAL_SIZES: [u8; 3] = [12, 12, 24];
 /// Set in the schema's high byte where the contents begin with the sizes of the law.
 const STATES_SIZES: u8 = 1;
+/// Set there where the contents end with the voltage above which a self-test is needed. Firmware that does not know it refuses the blob.
+const STATES_SELF_TEST: u8 = 2;
 
 /// The header of a blob: the bytes before its contents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,10 +82,16 @@ impl<M: ControllerMemory> Parameters<M> {
         let room = bytes.len().min(BLOB_LEN);
         let body = bytes.get_mut(BlobHeader::LEN..room).ok_or(BlobError::TooLong)?;
         let written = if stated { postcard::to_slice(&(sizes, self), body) } else { postcard::to_slice(self, body) };
-        let written = written.map_err(|_| BlobError::TooLong)?.len();
+        let mut written = written.map_err(|_| BlobError::TooLong)?.len();
+        let mut flags = if stated { STATES_SIZES } else { 0 };
+        if self.self_test_above_v < Self::NO_SELF_TEST_V {
+            let above_v = self.self_test_above_v.to_le_bytes();
+            body.get_mut(written..written + above_v.len()).ok_or(BlobError::TooLong)?.copy_from_slice(&above_v);
+            (written, flags) = (written + above_v.len(), flags | STATES_SELF_TEST);
+        }
         let length = u16::try_from(written).map_err(|_| BlobError::TooLong)?;
         let schema = if M::has_spring(&self.law) { SCHEMA } else { SCHEMA_WITHOUT_SPRING };
-        let schema = schema | if stated { u16::from(STATES_SIZES) << 8 } else { 0 };
+        let schema = schema | u16::from(flags) << 8;
         let header = BlobHeader { schema, board, length };
         let end = header.contents_end();
         bytes[..BlobHeader::LEN].copy_from_slice(&header.bytes());
@@ -121,7 +129,9 @@ impl<M: ControllerMemory> Blob<M> {
         }
         // The bytes are as they were written.
         let [schema, flags] = header.schema.to_le_bytes();
-        if !(SCHEMA_WITHOUT_SPRING..=SCHEMA).contains(&u16::from(schema)) || flags & !STATES_SIZES != 0 {
+        if !(SCHEMA_WITHOUT_SPRING..=SCHEMA).contains(&u16::from(schema))
+            || flags & !(STATES_SIZES | STATES_SELF_TEST) != 0
+        {
             return Err(BlobError::Schema { found: header.schema });
         }
         if header.board != board {
@@ -137,8 +147,15 @@ impl<M: ControllerMemory> Blob<M> {
         if found != expected {
             return Err(BlobError::LawSizes { found, expected });
         }
-        match postcard::take_from_bytes(contents) {
-            Ok((parameters, [])) => {
+        let (contents, above_v) = if flags & STATES_SELF_TEST == 0 {
+            (contents, Parameters::<M>::NO_SELF_TEST_V)
+        } else {
+            let (contents, above_v) = contents.split_last_chunk().ok_or(BlobError::Contents)?;
+            (contents, f32::from_le_bytes(*above_v))
+        };
+        match postcard::take_from_bytes::<Parameters<M>>(contents) {
+            Ok((mut parameters, [])) => {
+                parameters.self_test_above_v = above_v;
                 Ok(Self { checksum: Some(checksum), ..Self::with_converters(parameters, converters)? })
             }
             _ => Err(BlobError::Contents),

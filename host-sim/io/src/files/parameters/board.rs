@@ -40,6 +40,9 @@ pub struct Board {
     pub limits: Limits,
     /// Settings of reference, feedforward, observer and learning.
     pub control: Control,
+    /// Voltage above which it is armed only after a self-test, V.
+    #[serde(skip_serializing_if = "needs_no_self_test")]
+    pub self_test_above_v: f32,
     /// Keys of [`Board::KEYS`] that the file leaves to the paper's bench; of `amplifier`, the calibration.
     #[serde(skip)]
     pub missing: Vec<&'static str>,
@@ -59,6 +62,11 @@ pub(super) struct BoardTable {
     sensor: Option<Calibration>,
     limits: Option<Limits>,
     control: Option<Control>,
+    self_test_above_v: Option<f32>,
+}
+
+fn needs_no_self_test(above_v: &f32) -> bool {
+    *above_v == <BoardParameters>::NO_SELF_TEST_V
 }
 
 fn amplifier<'de, D: de::Deserializer<'de>>(
@@ -96,6 +104,7 @@ impl BoardTable {
             sensor: self.sensor.clone().unwrap_or(bench.sensor),
             limits: self.limits.unwrap_or(bench.limits),
             control: self.control.unwrap_or(bench.control),
+            self_test_above_v: self.self_test_above_v.unwrap_or(bench.self_test_above_v),
             missing,
         }
     }
@@ -124,6 +133,7 @@ impl Board {
             sensor: Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
             limits: Limits::bench(actuator.thickness_m as f32),
             control: Control::BENCH,
+            self_test_above_v: <BoardParameters>::NO_SELF_TEST_V,
             missing: Vec::new(),
         }
     }
@@ -263,6 +273,7 @@ impl Parameters {
             sensor: board.sensor.clone(),
             limits: board.limits,
             control: board.control,
+            self_test_above_v: board.self_test_above_v,
             ..BoardParameters::bench(&law, self.actuator)
         };
         let mut bytes = vec![0; BLOB_LEN];

@@ -1,0 +1,49 @@
+//! The program in its flash, against what it was at the start.
+
+/// Words of a step.
+const STEP: usize = 256;
+
+/// The sum of a program's image at the start, and how far a check of it has come.
+///
+/// ```
+/// use dea_driver::server::Image;
+///
+/// let mut words = vec![0x1234_5678; 10_000];
+/// let mut image = Image::new(&words);
+/// assert!((0..1000).all(|_| image.is_intact(&words)));
+/// words[4711] ^= 1 << 20;
+/// assert!(!(0..40).all(|_| image.is_intact(&words)));
+/// ```
+#[derive(Clone, Debug)]
+pub struct Image {
+    at_start: u32,
+    next: usize,
+    sum: u32,
+}
+
+impl Image {
+    /// The image of `words` as they are now.
+    #[must_use]
+    pub fn new(words: &[u32]) -> Self {
+        Self { at_start: words.iter().fold(0, fold), next: 0, sum: 0 }
+    }
+
+    /// Checks a further kilobyte of the same `words`; false if a pass over all of them has ended with another sum than at the start.
+    pub fn is_intact(&mut self, words: &[u32]) -> bool {
+        let rest = words.get(self.next..).unwrap_or_default();
+        let (step, rest) = rest.split_at(rest.len().min(STEP));
+        self.sum = step.iter().fold(self.sum, fold);
+        self.next += step.len();
+        if !rest.is_empty() {
+            return true;
+        }
+        let sum = core::mem::take(&mut self.sum);
+        self.next = 0;
+        sum == self.at_start
+    }
+}
+
+/// A bit that flips changes the sum, whichever it is. The word is read from its memory each time.
+fn fold(sum: u32, word: &u32) -> u32 {
+    sum.rotate_left(5) ^ core::hint::black_box(*word)
+}

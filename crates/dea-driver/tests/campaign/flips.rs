@@ -1,0 +1,512 @@
+//! Single bits that flip in the memory of a controller: in its parameters, laws, limits, states and set-points, and on the stack of a tick.
+//!
+//! Each case takes a controller that runs in one of the modes, or is disarmed, armed or tripped, flips one bit at a random moment, lets it go
+//! on for 0.4 s, and then makes one thing happen that has to end at 0 V: the interlock opens, the host is silent, the monitor reads 0 V, the amplifier gives
+//! 1.6 times its command, the sensor is unplugged, the host disarms. The film and its amplifier are not in that memory. On the stack a bit flips
+//! between two instructions of the tick: the processor traps after each of them.
+//!
+//! A case ends **safely** if it goes on within its limits and ends as it would without the flip, or at 0 V, disabled and latched; also where
+//! the program panics, faults or hangs, which disables the chip's amplifier by its handlers or its watchdog. **Late**: it ends at 0 V in more
+//! than the time that is promised. **Dangerous**: it does not end at 0 V, is enabled again, or before that the film has more voltage than
+//! the monitor's limit for longer than 25 ms, or goes beyond 1.1 times its stroke.
+//!
+//! A process of its own runs the cases, since some of them end it: `in_this_process`.
+//!
+//! Cases: 1e5, a quarter each over the supervisor and set-points, the parameters, all of the controller, and the stack; 2000 in the sample.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::process::{Command as Process, Stdio};
+
+use dea_driver::chips::DacCode;
+use dea_driver::server::Session;
+use dea_driver::wire::{Answer, Command, FRAME_LEN, Inspection, LearningOrder, Message, Part, Request, encode};
+use dea_driver::{
+    Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Limits, Mode, Motion, Parameters, RamFlash, Supervisor,
+};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use crate::bench::{board_parameters, encoded};
+use crate::board::{BOARD, Bench};
+use crate::film::{Film, ModelFilm};
+use crate::scale::cases;
+use crate::stack;
+
+const MAX_V: f32 = 4000.0;
+const STROKE_M: f32 = 1.2e-3;
+/// Ticks within which a bit flips, until something happens, until it has to end, and after that.
+const FLIPS: u32 = 40;
+const GOES_ON: u32 = 400;
+const ENDS: u32 = 900;
+const STAYS: u32 = 100;
+/// Voltage above the monitor's limit, longest, ticks.
+const MAX_ABOVE: u32 = 25;
+
+/// What it does when a bit flips.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Doing {
+    Runs(Mode),
+    Armed,
+    Disarmed,
+    Tripped,
+}
+
+const DOINGS: [Doing; 8] = [
+    Doing::Runs(Mode::Voltage),
+    Doing::Runs(Mode::Feedforward),
+    Doing::Runs(Mode::Tracking),
+    Doing::Runs(Mode::Tracking),
+    Doing::Runs(Mode::Voltage),
+    Doing::Armed,
+    Doing::Disarmed,
+    Doing::Tripped,
+];
+
+/// An event that has to end at 0 V, with the ticks that it may take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Event {
+    Interlock,
+    Silence,
+    Monitor,
+    Amplifier,
+    Sensor,
+    Disarm,
+    /// The sensor freezes, but for its noise, and the host plays a voltage beyond the stroke, or references up to its end.
+    Overdriven,
+}
+
+const EVENTS: [(Event, u32); 7] = [
+    (Event::Interlock, 2),
+    (Event::Silence, 502),
+    (Event::Monitor, 60),
+    (Event::Amplifier, 60),
+    (Event::Sensor, 2),
+    (Event::Disarm, 2),
+    (Event::Overdriven, ENDS),
+];
+
+/// The memory in which a bit flips.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Place {
+    Supervisor,
+    Parameters,
+    Controller,
+    Stack,
+}
+
+const PLACES: [Place; 4] = [Place::Supervisor, Place::Parameters, Place::Controller, Place::Stack];
+
+/// A board with its host, its amplifier and its film.
+#[derive(Clone)]
+struct World {
+    bench: Bench,
+    session: Session,
+    film: Film,
+    film_v: f64,
+    displacement_m: f64,
+    shown_m: f64,
+    drive: Drive,
+    event: Option<Event>,
+    doing: Doing,
+    token: u16,
+    sequence: u16,
+    tick: u32,
+    above: u32,
+    danger: Option<&'static str>,
+}
+
+fn parameters() -> Parameters {
+    let mut parameters = board_parameters();
+    parameters.limits = Limits { max_voltage_v: MAX_V, max_displacement_m: STROKE_M, ..parameters.limits };
+    parameters.limits.sensor.low = -0.5e-3;
+    parameters.limits.sensor.high = 3e-3;
+    parameters.control.harmonics = 2;
+    parameters
+}
+
+impl World {
+    /// As it is before a bit flips.
+    fn new(doing: Doing) -> Self {
+        let mut bench = Bench::new(RamFlash::default(), None);
+        let blob: Blob = Blob::decode(&encoded(&parameters(), BOARD), BOARD).expect("valid");
+        bench.device.install(Controller::new(blob)).expect("disabled");
+        let mut world = Self {
+            bench,
+            session: Session::new("1.2.3"),
+            film: Film::Model(ModelFilm::new(1.0, 1.03)),
+            film_v: 0.0,
+            displacement_m: 0.0,
+            shown_m: 0.0,
+            drive: Drive::OFF,
+            event: None,
+            doing: Doing::Disarmed,
+            token: 0,
+            sequence: 0,
+            tick: 0,
+            above: 0,
+            danger: None,
+        };
+        (0..600).for_each(|_| world.advance(None));
+        if doing != Doing::Disarmed {
+            let Answer::Armed { token } = world.ask(Command::Arm) else { panic!("refused") };
+            world.token = token;
+        }
+        if let Doing::Runs(mode) = doing {
+            assert_eq!(world.ask(Command::Start(mode)), Answer::Done);
+            if mode == Mode::Feedforward {
+                assert_eq!(world.ask(Command::Learning(LearningOrder::Forget)), Answer::Done);
+            }
+        }
+        world.doing = doing;
+        if doing == Doing::Tripped {
+            world.bench.device.trip(Cause::Overrun);
+        }
+        (0..1500).for_each(|_| world.advance(None));
+        let expected = match doing {
+            Doing::Runs(_) => DriverState::Running,
+            Doing::Armed => DriverState::Armed,
+            Doing::Disarmed => DriverState::Disarmed,
+            Doing::Tripped => DriverState::Tripped(Cause::Overrun),
+        };
+        assert_eq!(world.state(), expected, "{doing:?}");
+        world
+    }
+
+    fn state(&self) -> DriverState {
+        self.bench.device.state()
+    }
+
+    fn ask(&mut self, command: Command) -> Answer {
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut frame = [0; FRAME_LEN + 1];
+        let request = Request { sequence: self.sequence, token: self.token, command };
+        let length = encode(&request, &mut frame).expect("fits");
+        let mut answer = None;
+        let bytes = frame[..length].iter().copied();
+        self.session.turn(bytes, &mut self.bench, |message| {
+            if let Message::Answer { answer: found, .. } = message {
+                answer = Some(found.clone());
+            }
+        });
+        answer.unwrap_or(Answer::Done)
+    }
+
+    /// A millisecond, with a bit that flips on the stack of its tick.
+    fn advance(&mut self, flip: Option<stack::Flip>) {
+        self.tick += 1;
+        let seconds = f64::from(self.tick) * 1e-3;
+        let noise = f64::from(self.tick % 7) * 1e-6;
+        if self.event != Some(Event::Overdriven) {
+            self.shown_m = self.displacement_m;
+        }
+        let sensor_v = 1.0 + 1e3 * (self.shown_m + noise);
+        let sensor_v = if self.event == Some(Event::Sensor) { 0.0 } else { sensor_v as f32 };
+        let monitor_v = if self.event == Some(Event::Monitor) { 0.0 } else { self.film_v as f32 };
+        let inputs = Inputs {
+            interlock_closed: self.event != Some(Event::Interlock),
+            monitor_adc_v: Some(monitor_v / 1000.0),
+            sensor_adc_v: Some(sensor_v),
+        };
+        let was_enabled = self.drive.enable;
+        let device = &mut self.bench.device;
+        let (drive, code) = match flip {
+            Some(flip) => {
+                // An address that has flipped may lead into the film, which is in no memory of a controller.
+                let film = Box::new((self.film.clone(), self.film_v, self.displacement_m, self.shown_m));
+                let rest = (self.event, self.doing, self.tick, self.above, self.danger);
+                let done = stack::with_flip(flip, || tick(device, inputs));
+                (self.film, self.film_v, self.displacement_m, self.shown_m) = *film;
+                (self.event, self.doing, self.tick, self.above, self.danger) = rest;
+                done
+            }
+            None => tick(device, inputs),
+        };
+        device.report(inspection(was_enabled, inputs));
+        self.drive = drive;
+        // The amplifier follows at once, and falls at once.
+        let gain = if self.event == Some(Event::Amplifier) { 1600.0 } else { 1000.0 };
+        self.film_v = if drive.enable { gain * f64::from(code.volts(drive.range)) } else { 0.0 };
+        self.displacement_m = self.film.step(self.film_v);
+        // The host.
+        let swing = (1.0 - (std::f64::consts::TAU * 0.5 * seconds).cos()) as f32 / 2.0;
+        if self.tick.is_multiple_of(10) && self.event != Some(Event::Silence) {
+            let command = match self.doing {
+                Doing::Runs(Mode::Voltage) if self.event == Some(Event::Overdriven) => Command::SetVoltage(MAX_V),
+                Doing::Runs(_) if self.event == Some(Event::Overdriven) => Command::SetReference(0.99 * STROKE_M),
+                Doing::Runs(Mode::Voltage) => Command::SetVoltage(800.0 + 2000.0 * swing),
+                Doing::Runs(_) => Command::SetReference(0.2e-3 + 0.5e-3 * swing),
+                _ => Command::Heartbeat,
+            };
+            self.ask(command);
+        } else {
+            self.session.turn(core::iter::empty(), &mut self.bench, |_| ());
+        }
+        self.judge();
+    }
+
+    /// Whether the film is in danger, whatever the driver knows.
+    fn judge(&mut self) {
+        let limit_v = f64::from(MAX_V) * 1.03 + 60.0;
+        let is_above = self.film_v > limit_v && self.event != Some(Event::Amplifier);
+        self.above = if is_above { self.above + 1 } else { 0 };
+        if self.above > MAX_ABOVE {
+            self.danger = self.danger.or(Some("above the limit of the monitor"));
+        }
+        if self.displacement_m.abs() > 1.1 * f64::from(STROKE_M) {
+            self.danger = self.danger.or(Some("beyond 1.1 times the stroke"));
+        }
+        if self.film_v > 60.0 && matches!(self.doing, Doing::Disarmed | Doing::Tripped) {
+            self.danger = self.danger.or(Some("live without a run"));
+        }
+    }
+}
+
+/// As the firmware has it: a tick, and the code for the DAC.
+#[inline(never)]
+fn tick(device: &mut Device, inputs: Inputs) -> (Drive, DacCode) {
+    let drive = device.tick(inputs);
+    (drive, DacCode::from_volts(drive.dac_v, drive.range))
+}
+
+fn inspection(enable_high: bool, inputs: Inputs) -> Inspection {
+    Inspection {
+        interlock_closed: inputs.interlock_closed,
+        enable_high,
+        dac: Part::Answers,
+        monitor: Part::Answers,
+        sensor: Part::Answers,
+        monitor_adc_v: inputs.monitor_adc_v.unwrap_or(f32::NAN),
+        sensor_adc_v: inputs.sensor_adc_v.unwrap_or(f32::NAN),
+    }
+}
+
+/// Bytes of a device, from its start, that a board without the loop test has as well.
+struct Map {
+    supervisor: Vec<usize>,
+    parameters: Vec<usize>,
+    controller: Vec<usize>,
+}
+
+impl Map {
+    fn of(world: &World) -> Self {
+        let device = &world.bench.device;
+        let start = std::ptr::from_ref(device) as usize;
+        let controller = device.controller().expect("installed");
+        let within = |at: usize, length: usize| (at - start..at - start + length).collect::<Vec<_>>();
+        let front = size_of::<Supervisor>() + size_of::<Motion>() + 80;
+        let at = std::ptr::from_ref(controller) as usize;
+        let parameters = controller.parameters();
+        // The loop test is the last field of a controller.
+        let used = size_of::<Controller>() - loop_test_bytes(controller);
+        Self {
+            supervisor: within(at, front),
+            parameters: within(std::ptr::from_ref(parameters) as usize, size_of_val(parameters)),
+            controller: within(at, used),
+        }
+    }
+
+    fn of_place(&self, place: Place) -> &[usize] {
+        match place {
+            Place::Supervisor => &self.supervisor,
+            Place::Parameters => &self.parameters,
+            Place::Controller | Place::Stack => &self.controller,
+        }
+    }
+}
+
+/// Bytes from the first one that the loop test changes to the end of a controller.
+fn loop_test_bytes(controller: &Controller) -> usize {
+    let mut stepped = Box::new(controller.clone());
+    let bytes = |controller: &Controller| -> Vec<u8> {
+        let start = std::ptr::from_ref(controller).cast::<u8>();
+        // SAFETY: the bytes belong to the controller; those between its fields are whatever they are.
+        (0..size_of::<Controller>()).map(|at| unsafe { start.add(at).read_volatile() }).collect()
+    };
+    let before = bytes(&stepped);
+    stepped.step(1000.0);
+    let after = bytes(&stepped);
+    let first = before.iter().zip(&after).position(|(before, after)| before != after).expect("it steps");
+    size_of::<Controller>() - first
+}
+
+/// How a case has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    /// As without the flip: every drive is the same.
+    Same,
+    /// Within its limits, and as promised.
+    Sound,
+    /// Tripped before anything happened: by the check of the memory, or another one.
+    Memory,
+    Tripped,
+    /// At 0 V, later than promised.
+    Late,
+    Dangerous(&'static str),
+}
+
+/// A case: the world of `doing`, in which a bit flips.
+fn run(index: u64, worlds: &[World], map: &Map, steps: u64) -> End {
+    let mut random = Pcg64::seed_from_u64(0xf11b ^ index.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    let place = PLACES[index as usize % PLACES.len()];
+    let mut world = Box::new(worlds[random.random_range(0..worlds.len())].clone());
+    let (event, allowed) = EVENTS[random.random_range(0..EVENTS.len())];
+    let flips_at = random.random_range(0..FLIPS);
+    let mut twin = world.clone();
+    let mut differs = false;
+    for tick in 0..FLIPS + GOES_ON {
+        let mut flip = None;
+        if tick == flips_at {
+            if place == Place::Stack {
+                flip = Some(stack::Flip { after: random.random_range(0..steps), pick: random.random() });
+            } else {
+                let bytes = map.of_place(place);
+                let at = bytes[random.random_range(0..bytes.len())];
+                let bit = random.random_range(0..8);
+                // SAFETY: the byte belongs to the device. What the program makes of it is the subject.
+                unsafe {
+                    let byte = std::ptr::from_mut(&mut world.bench.device).cast::<u8>().add(at);
+                    byte.write_volatile(byte.read_volatile() ^ 1 << bit);
+                }
+            }
+        }
+        world.advance(flip);
+        twin.advance(None);
+        differs |= world.drive != twin.drive;
+    }
+    let tripped = match world.state() {
+        DriverState::Tripped(cause) if twin.state() != world.state() => Some(cause),
+        _ => None,
+    };
+    if !world.drive.enable {
+        // It stays at 0 V, whatever the host goes on sending.
+        for _ in 0..STAYS {
+            world.advance(None);
+            if world.drive.enable {
+                world.danger = world.danger.or(Some("enabled again"));
+            }
+        }
+        if let Some(danger) = world.danger {
+            return End::Dangerous(danger);
+        }
+        return match tripped {
+            Some(Cause::Memory) => End::Memory,
+            Some(_) => End::Tripped,
+            None if differs => End::Tripped,
+            None => End::Same,
+        };
+    }
+    world.event = Some(event);
+    let mut ended = None;
+    // Of the last ticks.
+    let mut highest_v = 0.0f64;
+    for tick in 1..=ENDS {
+        if event == Event::Disarm && tick == 1 {
+            world.ask(Command::Disarm);
+        }
+        world.advance(None);
+        highest_v = if tick < ENDS / 2 { 0.0 } else { highest_v.max(world.film_v) };
+        if !world.drive.enable {
+            ended = Some(tick);
+            break;
+        }
+    }
+    for _ in 0..STAYS {
+        world.advance(None);
+        if ended.is_some() && world.drive.enable {
+            world.danger = world.danger.or(Some("enabled again"));
+        }
+    }
+    // A monitor that reads 0 V, an amplifier with too much gain and a frozen sensor show only where there is a voltage.
+    let shows = highest_v > 200.0 || !matches!(event, Event::Monitor | Event::Amplifier | Event::Overdriven);
+    match (world.danger, ended) {
+        (Some(danger), _) => End::Dangerous(danger),
+        (None, None) if shows => End::Dangerous("it does not end"),
+        (None, Some(tick)) if tick > allowed => End::Late,
+        _ if differs => End::Sound,
+        _ => End::Same,
+    }
+}
+
+/// Runs the cases that the process which started this one asks for: `SPRINGPOT_FLIPS=from-to`. A line for each.
+#[test]
+#[ignore = "bits that flip may end the process: the test below starts it"]
+fn in_this_process() {
+    let Some(range) = std::env::var("SPRINGPOT_FLIPS").ok() else { return };
+    let (from, to) = range.split_once('-').expect("a range");
+    let (from, to): (u64, u64) = (from.parse().expect("a number"), to.parse().expect("a number"));
+    std::panic::set_hook(Box::new(|_| ()));
+    let worlds: Vec<World> = DOINGS.map(World::new).into();
+    let map = Map::of(&worlds[0]);
+    let mut counted = worlds[2].clone();
+    let steps = stack::count(|| {
+        tick(
+            &mut counted.bench.device,
+            Inputs { interlock_closed: true, monitor_adc_v: Some(1.0), sensor_adc_v: Some(1.0) },
+        )
+    });
+    let mut out = std::io::stdout();
+    for index in from..to {
+        stack::end_process_after(20);
+        let end = catch_unwind(AssertUnwindSafe(|| run(index, &worlds, &map, steps)));
+        let end = end.map_or_else(|_| "Panics".to_owned(), |end| format!("{end:?}"));
+        writeln!(out, "\nflip {index} {end}").expect("written");
+        out.flush().expect("written");
+    }
+}
+
+/// The ends of these cases, by their numbers; a process that a flip has ended is one of them.
+fn ends(from: u64, to: u64) -> Vec<(u64, String)> {
+    let mut ends = Vec::new();
+    let mut next = from;
+    while next < to {
+        let mut process = Process::new(std::env::current_exe().expect("known"))
+            .args(["--exact", "flips::in_this_process", "--ignored", "--nocapture"])
+            .env("SPRINGPOT_FLIPS", format!("{next}-{to}"))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("runs");
+        let lines = BufReader::new(process.stdout.take().expect("piped")).lines();
+        for line in lines.map_while(Result::ok) {
+            let Some((index, end)) = line.strip_prefix("flip ").and_then(|rest| rest.split_once(' ')) else { continue };
+            assert_eq!(index, next.to_string());
+            ends.push((next, end.to_owned()));
+            next += 1;
+        }
+        let status = process.wait().expect("ends");
+        if next < to {
+            assert!(!status.success() && next >= from, "{status}");
+            ends.push((next, "Faults".to_owned()));
+            next += 1;
+        }
+    }
+    ends
+}
+
+#[test]
+fn a_bit_that_flips_ends_safely() {
+    let all = cases(2000, 100_000);
+    let workers = std::thread::available_parallelism().map_or(1, usize::from).min(8) as u64;
+    let found: Vec<(u64, String)> = std::thread::scope(|scope| {
+        let parts =
+            (0..workers).map(|worker| scope.spawn(move || ends(all * worker / workers, all * (worker + 1) / workers)));
+        let parts: Vec<_> = parts.collect();
+        parts.into_iter().flat_map(|part| part.join().expect("runs")).collect()
+    });
+    assert_eq!(found.len() as u64, all);
+    let mut counts = BTreeMap::<(Place, String), u32>::new();
+    for (index, end) in &found {
+        *counts.entry((PLACES[*index as usize % PLACES.len()], end.clone())).or_default() += 1;
+    }
+    println!("flips: {all} {counts:#?}");
+    let dangerous: Vec<_> = found.iter().filter(|(_, end)| end.starts_with("Dangerous")).collect();
+    assert!(dangerous.is_empty(), "{dangerous:?}");
+    let late = found.iter().filter(|(_, end)| end == "Late").count() as u64;
+    let memory = found.iter().filter(|(_, end)| end == "Memory").count();
+    println!("flips: {:.3} % end safely", 100.0 * (all - late) as f64 / all as f64);
+    assert!(100 * late <= all, "{late} of {all} end late");
+    // The check of the memory is what ends most of them.
+    assert!(memory as u64 * 8 > all, "{memory}");
+}
