@@ -151,15 +151,15 @@ impl Converters {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Ceilings {
-    /// Of [`max_voltage_v`](crate::Limits::max_voltage_v), V.
+    /// Ceiling of [`max_voltage_v`](crate::Limits::max_voltage_v), V.
     pub voltage_v: f32,
-    /// Of [`max_field_v_per_m`](crate::Limits::max_field_v_per_m), V/m.
+    /// Ceiling of [`max_field_v_per_m`](crate::Limits::max_field_v_per_m), V/m.
     pub field_v_per_m: f32,
-    /// Of [`max_displacement_m`](crate::Limits::max_displacement_m), m.
+    /// Ceiling of [`max_displacement_m`](crate::Limits::max_displacement_m), m.
     pub stroke_m: f32,
 }
 
 impl Ceilings {
-    /// What any limits may state: no amplifier for a film gives more, no elastomer holds as much, no film is as long.
+    /// No ceilings but those of any limits: no amplifier for a film gives more, no elastomer holds as much, no film is as long.
     pub const NONE: Self = Self { voltage_v: 50e3, field_v_per_m: 5e8, stroke_m: 1.0 };
 }

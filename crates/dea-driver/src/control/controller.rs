@@ -123,9 +123,9 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     watched: Law<f32, Watched>,
     parameters: Parameters<M>,
     checksum: Option<u32>,
-    /// Digests of all that does not change, as it was when this controller was made.
+    /// Digests of all that does not change, once it is sealed.
     #[cfg(feature = "link")]
-    digests: [u32; DIGESTS],
+    digests: Option<[u32; DIGESTS]>,
     /// The film as the ticks estimate it, its reference, and what is learned of its cycles.
     course: FollowerState<f32, Tracking<f32, M>>,
     #[cfg(feature = "loop-test")]
@@ -223,16 +223,7 @@ impl<M: ControllerMemory> Controller<M> {
         let (thinning_per_m, shares_per_n) = (thinning_per_m as f32, (1.0 / largest_n) as f32);
         Self {
             #[cfg(feature = "link")]
-            digests: Constants {
-                parameters,
-                law,
-                watched: &watched,
-                supervisor,
-                motion: &motion,
-                scales: [thinning_per_m, shares_per_n, shares_per_m],
-                lags,
-            }
-            .digests(),
+            digests: None,
             motion,
             #[cfg(feature = "loop-test")]
             test: LoopTest::at_rest(follower.compensator()),
@@ -268,11 +259,18 @@ impl<M: ControllerMemory> Controller<M> {
         }
     }
 
-    /// Whether a part of all that does not change is as it was made, and what changes is such as ticks leave it; parts are counted on and on.
+    /// From now on the memory is checked.
+    #[cfg(feature = "link")]
+    pub(crate) fn seal(&mut self) {
+        self.digests = Some(self.constants().digests());
+    }
+
+    /// Whether a part of all that does not change is as it was sealed, and what changes is such as ticks leave it; parts are counted on and on.
     #[cfg(feature = "link")]
     pub(crate) fn is_intact(&self, part: u8) -> bool {
         let part = usize::from(part) % DIGESTS;
-        self.digests.get(part) == Some(&self.constants().digest(part))
+        let sealed = self.digests.as_ref().and_then(|digests| digests.get(part));
+        sealed.is_none_or(|&sealed| sealed == self.constants().digest(part))
             && self.supervisor.is_sound()
             && self.motion.is_sound()
     }

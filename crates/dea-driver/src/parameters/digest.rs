@@ -22,8 +22,12 @@ impl Flavor for Fold {
 
     fn try_extend(&mut self, data: &[u8]) -> postcard::Result<()> {
         let (words, rest) = data.as_chunks();
-        words.iter().for_each(|&word| self.push(u32::from_le_bytes(word)));
-        rest.iter().for_each(|&byte| self.push(byte.into()));
+        for &word in words {
+            self.push(u32::from_le_bytes(word));
+        }
+        for &byte in rest {
+            self.push(byte.into());
+        }
         Ok(())
     }
 

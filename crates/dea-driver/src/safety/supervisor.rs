@@ -101,15 +101,21 @@ pub struct Supervisor {
     command_v: f32,
     /// Largest voltage until it is armed again, V: less for a self-test.
     armed_for_v: f32,
-    /// Whether it is armed without limits only after a self-test, and whether one has passed.
-    needs_self_test: bool,
-    is_self_tested: bool,
+    self_test: SelfTest,
     monitor: Monitor,
     sensor: Plausibility,
     /// State of the interlock in the last tick.
     interlock_closed: bool,
     monitor_v: f32,
     last_fault: Option<SensorFault>,
+}
+
+/// State of the self-test that has to pass before it is armed without limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum SelfTest {
+    /// It has passed, or is not asked for.
+    NotNeeded,
+    Missing,
 }
 
 /// Ticks at 0 V that make up for one with voltage while the amplifier is disabled: a film that is live for more than a fifth of the time is
@@ -152,8 +158,7 @@ impl Supervisor {
             missing_at_0_v: 0,
             command_v: 0.0,
             armed_for_v: limits.max_voltage_v,
-            needs_self_test: false,
-            is_self_tested: false,
+            self_test: SelfTest::NotNeeded,
             monitor: Monitor::new(limits.monitor, rate_hz),
             sensor: Plausibility::new(limits.sensor),
             // There are no readings yet, so arming is refused.
@@ -185,13 +190,13 @@ impl Supervisor {
     /// The same supervisor, which is not [armed](Self::arm) before a self-test has passed if its limits allow more than `above_v` (V).
     #[must_use]
     pub fn with_self_test_above(self, above_v: f32) -> Self {
-        let within = self.max_voltage_v <= above_v;
-        Self { needs_self_test: !within, ..self }
+        let self_test = if self.max_voltage_v <= above_v { SelfTest::NotNeeded } else { SelfTest::Missing };
+        Self { self_test, ..self }
     }
 
     /// Notes that a self-test of the bench has passed, for all of the time until the next reset.
     pub fn note_self_test(&mut self) {
-        self.is_self_tested = true;
+        self.self_test = SelfTest::NotNeeded;
     }
 
     /// Everything that does not change after construction, for a check of the memory.
@@ -206,7 +211,7 @@ impl Supervisor {
             self.max_disturbance_share,
             self.live_v,
         ];
-        let ticks = (self.heartbeat_ticks, self.discharge_ticks, self.needs_self_test);
+        let ticks = (self.heartbeat_ticks, self.discharge_ticks);
         (limits, ticks, self.on_sensor_fault, self.monitor.constants(), self.sensor.limits())
     }
 
@@ -319,7 +324,7 @@ impl Supervisor {
             (!self.interlock_closed).then_some(Refusal::InterlockOpen),
             is_live.then_some(Refusal::LiveVoltage),
             fault.map(Refusal::Sensor),
-            (self.needs_self_test && !self.is_self_tested).then_some(Refusal::SelfTest),
+            (self.self_test == SelfTest::Missing).then_some(Refusal::SelfTest),
         ]
         .into_iter()
         .flatten()

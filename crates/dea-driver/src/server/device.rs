@@ -164,6 +164,9 @@ impl<M: ControllerMemory> Device<M> {
             Some(before) => controller.after(before),
             None => controller,
         });
+        if let Some(controller) = &mut self.controller {
+            controller.seal();
+        }
         #[cfg(feature = "loop-test")]
         {
             self.test = None;

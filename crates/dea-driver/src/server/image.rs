@@ -25,25 +25,24 @@ impl Image {
     /// The image of `words` as they are now.
     #[must_use]
     pub fn new(words: &[u32]) -> Self {
-        Self { at_start: words.iter().fold(0, fold), next: 0, sum: 0 }
+        Self { at_start: sum(0, words), next: 0, sum: 0 }
     }
 
     /// Checks a further kilobyte of the same `words`; false if a pass over all of them has ended with another sum than at the start.
     pub fn is_intact(&mut self, words: &[u32]) -> bool {
         let rest = words.get(self.next..).unwrap_or_default();
         let (step, rest) = rest.split_at(rest.len().min(STEP));
-        self.sum = step.iter().fold(self.sum, fold);
+        self.sum = sum(self.sum, step);
         self.next += step.len();
         if !rest.is_empty() {
             return true;
         }
-        let sum = core::mem::take(&mut self.sum);
         self.next = 0;
-        sum == self.at_start
+        core::mem::take(&mut self.sum) == self.at_start
     }
 }
 
-/// A bit that flips changes the sum, whichever it is. The word is read from its memory each time.
-fn fold(sum: u32, word: &u32) -> u32 {
-    sum.rotate_left(5) ^ core::hint::black_box(*word)
+/// A bit that flips changes the sum, whichever it is. The words are read from their memory each time.
+fn sum(before: u32, words: &[u32]) -> u32 {
+    words.iter().fold(before, |sum, &word| sum.rotate_left(5) ^ core::hint::black_box(word))
 }

@@ -44,7 +44,7 @@ const STAYS: u32 = 100;
 /// Voltage above the monitor's limit, longest, ticks.
 const MAX_ABOVE: u32 = 25;
 
-/// What it does when a bit flips.
+/// Activity of the controller when a bit flips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Doing {
     Runs(Mode),
@@ -246,7 +246,7 @@ impl World {
         self.judge();
     }
 
-    /// Whether the film is in danger, whatever the driver knows.
+    /// Notes a film in danger, whatever the driver knows.
     fn judge(&mut self) {
         let limit_v = f64::from(MAX_V) * 1.03 + 60.0;
         let is_above = self.film_v > limit_v && self.event != Some(Event::Amplifier);
@@ -290,7 +290,7 @@ struct Map {
 }
 
 impl Map {
-    fn of(world: &World) -> Self {
+    fn new(world: &World) -> Self {
         let device = &world.bench.device;
         let start = std::ptr::from_ref(device) as usize;
         let controller = device.controller().expect("installed");
@@ -438,7 +438,7 @@ fn in_this_process() {
     let (from, to): (u64, u64) = (from.parse().expect("a number"), to.parse().expect("a number"));
     std::panic::set_hook(Box::new(|_| ()));
     let worlds: Vec<World> = DOINGS.map(World::new).into();
-    let map = Map::of(&worlds[0]);
+    let map = Map::new(&worlds[0]);
     let mut counted = worlds[2].clone();
     let steps = stack::count(|| {
         tick(

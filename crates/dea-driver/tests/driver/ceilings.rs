@@ -35,7 +35,7 @@ fn no_parameters_exceed_a_ceiling() {
     }
 }
 
-/// What was uploaded before keeps running; what is stored beyond them, by firmware that allowed it, does not run.
+/// Parameters that were uploaded before keep running; a set that is stored beyond them, by firmware that allowed it, does not run.
 #[test]
 fn an_upload_and_what_is_stored_keep_to_the_ceilings() {
     let ceilings = Ceilings { voltage_v: 6000.0, ..Ceilings::NONE };
