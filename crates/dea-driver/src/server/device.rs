@@ -157,14 +157,14 @@ impl<M: ControllerMemory> Device<M> {
         if let DriverState::Tripped(cause) = self.state() {
             controller.trip(cause);
         }
-        if self.since_test.is_some() {
-            controller.note_self_test();
-        }
         self.controller = Some(match &self.controller {
             Some(before) => controller.after(before),
             None => controller,
         });
         if let Some(controller) = &mut self.controller {
+            if self.since_test.is_some() {
+                controller.note_self_test();
+            }
             controller.seal();
         }
         #[cfg(feature = "loop-test")]
