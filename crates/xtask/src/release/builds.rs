@@ -10,9 +10,19 @@ use crate::{python, setup};
 
 /// The systems of the command-line tool.
 pub const SYSTEMS: [System; 3] = [
-    System { target: "x86_64-unknown-linux-musl", linker: "rust-lld", flags: "-C link-self-contained=yes", end: "" },
-    System { target: "aarch64-unknown-linux-musl", linker: "rust-lld", flags: "-C link-self-contained=yes", end: "" },
-    System { target: WINDOWS, linker: MINGW, flags: "-C link-arg=-Wl,--no-insert-timestamp", end: ".exe" },
+    System {
+        target: "x86_64-unknown-linux-musl",
+        linker: Some("rust-lld"),
+        flags: "-C link-self-contained=yes",
+        end: "",
+    },
+    System {
+        target: "aarch64-unknown-linux-musl",
+        linker: Some("rust-lld"),
+        flags: "-C link-self-contained=yes",
+        end: "",
+    },
+    System { target: WINDOWS, linker: Some(MINGW), flags: "-C link-arg=-Wl,--no-insert-timestamp", end: ".exe" },
 ];
 
 /// The target of the Windows executable, and its linker.
@@ -25,7 +35,8 @@ const WHEEL_TOOLS: [&str; 2] = ["maturin==1.16.0", "ziglang==0.17.1"];
 /// A system that the tool is built for.
 pub struct System {
     pub target: &'static str,
-    linker: &'static str,
+    /// None where maturin sets Zig's, which an environment variable would override.
+    linker: Option<&'static str>,
     flags: &'static str,
     pub end: &'static str,
 }
@@ -71,8 +82,10 @@ impl Source {
 
     /// The command with the options of `system`.
     fn linked(&self, mut command: Command, system: &System) -> Command {
-        let variable = system.target.to_uppercase().replace('-', "_");
-        command.env(format!("CARGO_TARGET_{variable}_LINKER"), system.linker);
+        if let Some(linker) = system.linker {
+            let variable = system.target.to_uppercase().replace('-', "_");
+            command.env(format!("CARGO_TARGET_{variable}_LINKER"), linker);
+        }
         let flags: Vec<String> = self.remap().into_iter().chain(system.flags.split(' ').map(str::to_owned)).collect();
         // Folders may have blanks.
         command.env("CARGO_ENCODED_RUSTFLAGS", flags.join("\u{1f}"));
@@ -110,7 +123,7 @@ pub fn wheels(source: &Source, out: &Path) -> Result<()> {
     run_command(source.cargo("cyclonedx --format json --manifest-path python/Cargo.toml"))?;
     let materials = super::without_folders(source, "python/springpot-python.cdx.json")?;
     const LINUX: System =
-        System { target: "x86_64-unknown-linux-gnu", linker: "cc", flags: "-C strip=symbols", end: "" };
+        System { target: "x86_64-unknown-linux-gnu", linker: None, flags: "-C strip=symbols", end: "" };
     for (system, options) in [(&LINUX, "--zig --compatibility manylinux2014"), (&SYSTEMS[2], "")] {
         let mut build = Command::new("maturin");
         build.args([
