@@ -145,6 +145,9 @@ typedef struct {
     float excess_samples;
     float taken;
     float caution[2];
+    float harm;
+    float trust[2];
+    float settled;
     float no_error;               /* m^2 */
     float series_angle;           /* largest angle of the series of cosine and sine, rad */
     float cosine[4];

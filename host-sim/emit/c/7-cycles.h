@@ -49,12 +49,18 @@ typedef struct {
     float noise; /* m^2 */
     float caution;
     float taken_over; /* share of the correction of the sensor, 0 to 1 */
+    float without;    /* m^2 */
+    float harm;       /* m^2 */
+    float trust;
+    uint32_t is_bare;
     uint32_t verdict;
 } springpot_progress;
 
 #define SPRINGPOT_BEST 0U
 #define SPRINGPOT_GOOD 1U
 #define SPRINGPOT_WORSE 2U
+#define SPRINGPOT_HARMFUL 3U
+#define SPRINGPOT_SETTLING 4U
 
 /* A reference and its phase. */
 typedef struct {
@@ -85,7 +91,7 @@ typedef struct {
     springpot_turn past[SPRINGPOT_PAST];
 } springpot_learning_state;
 
-SPRINGPOT_ASSERT(sizeof(springpot_learning_state) == 1416U, a_state_of_learning_takes_1416_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_learning_state) == 1432U, a_state_of_learning_takes_1432_bytes);
 
 /* `angle` (rad) within its bound, and exp(i) of it. */
 static inline void springpot_set_angle(const springpot_learning *learning, springpot_learning_state *state, float angle)
@@ -117,41 +123,59 @@ static inline void springpot_begin_block(const springpot_learning *learning, spr
     }
 }
 
-/* No block has ended. */
-static inline void springpot_no_progress(const springpot_learning *learning, springpot_progress *progress)
+/* No block has ended, with the correction of before. */
+static inline void springpot_renew_blocks(const springpot_learning *learning, springpot_progress *progress)
 {
-    progress->least = (learning != NULL) ? learning->no_error : 0.0F;
+    const float no_error = (learning != NULL) ? learning->no_error : 0.0F;
+    progress->least = no_error;
     progress->noise = 0.0F;
-    progress->caution = 1.0F;
-    progress->taken_over = 0.0F;
+    progress->without = (progress->is_bare != 0U) ? 0.0F : no_error;
+    progress->harm = 0.0F;
     progress->verdict = SPRINGPOT_BEST;
+}
+
+/* The same for another period. */
+static inline void springpot_renew_progress(const springpot_learning *learning, springpot_progress *progress)
+{
+    progress->caution = 1.0F;
+    progress->trust = 1.0F;
+    progress->taken_over = 0.0F;
+    springpot_renew_blocks(learning, progress);
+}
+
+/* No correction, for a film that responds as its law predicts. What is added stays. */
+static inline void springpot_clear_harmonic(const springpot_learning *learning, springpot_harmonic *harmonic)
+{
+    uint32_t part;
+
+    for (part = 0U; part < 2U; part++) {
+        harmonic->target[part] = 0.0F;
+        harmonic->previous_target[part] = 0.0F;
+        harmonic->best[part] = 0.0F;
+        harmonic->error[part] = 0.0F;
+    }
+    harmonic->inverse_gain[0] = 1.0F;
+    harmonic->inverse_gain[1] = 0.0F;
+    harmonic->drift = (learning != NULL) ? learning->drift_unknown[0] : 0.0F;
+    harmonic->step_size = (learning != NULL) ? learning->probing_step_size : 0.0F;
+    harmonic->unresponsive_blocks = 0U;
 }
 
 /* Forgets what was learned. What is added fades out. */
 static inline void springpot_learning_forget(const springpot_film *film, springpot_learning_state *state)
 {
     uint32_t i;
-    uint32_t part;
 
     for (i = 0U; i <= SPRINGPOT_HARMONICS; i++) {
-        springpot_harmonic *harmonic = &state->harmonics[i];
-        for (part = 0U; part < 2U; part++) {
-            harmonic->added[part] = 0.0F;
-            harmonic->target[part] = 0.0F;
-            harmonic->previous_target[part] = 0.0F;
-            harmonic->best[part] = 0.0F;
-            harmonic->error[part] = 0.0F;
-        }
-        harmonic->inverse_gain[0] = 1.0F;
-        harmonic->inverse_gain[1] = 0.0F;
-        harmonic->drift = (film->learning != NULL) ? film->learning->drift_unknown[0] : 0.0F;
-        harmonic->step_size = (film->learning != NULL) ? film->learning->probing_step_size : 0.0F;
-        harmonic->unresponsive_blocks = 0U;
+        state->harmonics[i].added[0] = 0.0F;
+        state->harmonics[i].added[1] = 0.0F;
+        springpot_clear_harmonic(film->learning, &state->harmonics[i]);
     }
     springpot_begin_block(film->learning, state);
     state->block.ticks_since_end = 0.0F;
     state->block.is_short = 1U;
-    springpot_no_progress(film->learning, &state->progress);
+    state->progress.is_bare = 1U;
+    springpot_renew_progress(film->learning, &state->progress);
     state->index = 0U;
 }
 
@@ -213,9 +237,7 @@ static inline void springpot_learning_restart(
     springpot_begin_block(learning, state);
     state->block.ticks_since_end = 0.0F;
     state->block.is_short = 1U;
-    state->progress.least = (learning != NULL) ? learning->no_error : 0.0F;
-    state->progress.noise = 0.0F;
-    state->progress.verdict = SPRINGPOT_BEST;
+    springpot_renew_blocks(learning, &state->progress);
 }
 
 /* Nothing learned yet, of a reference that begins at `position` (m). */

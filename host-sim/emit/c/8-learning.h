@@ -72,7 +72,11 @@ static inline bool springpot_update_harmonic(const springpot_learning *learning,
         harmonic->best[0] = harmonic->target[0];
         harmonic->best[1] = harmonic->target[1];
     }
-    if (!springpot_measure_drift(learning, harmonic, is_fast, springpot_square(response))) {
+    if (progress->verdict == SPRINGPOT_HARMFUL) {
+        springpot_clear_harmonic(learning, harmonic);
+    } else if (progress->verdict == SPRINGPOT_SETTLING) {
+        /* nothing is added yet */
+    } else if (!springpot_measure_drift(learning, harmonic, is_fast, springpot_square(response))) {
         springpot_measure_response(learning, harmonic, is_mean, is_fast, change, response, threshold);
         if ((harmonic->unresponsive_blocks >= learning->unresponsive_blocks) && (!is_mean)) {
             harmonic->target[0] = 0.0F;
@@ -93,6 +97,8 @@ static inline bool springpot_update_harmonic(const springpot_learning *learning,
             harmonic->target[1] = harmonic->target[1] - (share * ((re * error[1]) + (im * error[0])));
             is_more = energy > threshold;
         }
+    } else {
+        /* another block first */
     }
     return is_more;
 }
@@ -102,30 +108,58 @@ static inline bool springpot_update_harmonic(const springpot_learning *learning,
 static inline void springpot_judge(
     const springpot_learning *learning, springpot_progress *progress, float mean_square, float noise, float variance)
 {
-    const float least = progress->least + (learning->noise_parts * variance);
+    const float parts = learning->noise_parts * variance;
+    const float least = progress->least + parts;
     const float alike = learning->growth[0] * least;
-    float taken = progress->taken_over;
+    const float total = mean_square + noise;
+    const bool is_worse = mean_square > (learning->growth[2] * least);
 
     progress->noise = noise;
-    if (mean_square > (learning->growth[1] * least)) {
-        taken = taken - (learning->taken + learning->taken);
-    } else if (!(mean_square > alike)) {
-        taken = taken + learning->taken;
+    if (progress->is_bare != 0U) {
+        const bool settles = total < (learning->settled * progress->without);
+        progress->without = total;
+        progress->least = mean_square;
+        progress->verdict = settles ? SPRINGPOT_SETTLING : SPRINGPOT_BEST;
+        if (settles) {
+            progress->harm = ((progress->harm > 0.0F) && (total > progress->harm)) ? total : progress->harm;
+        } else if (progress->harm > 0.0F) {
+            const bool is_film = total > (learning->settled * progress->harm);
+            progress->trust = is_film ? 1.0F : (learning->trust[0] * progress->trust);
+            progress->trust = (progress->trust < learning->trust[1]) ? 0.0F : progress->trust;
+            progress->caution = progress->trust;
+            progress->harm = 0.0F;
+        } else {
+            /* no harm before */
+        }
+    } else if ((total > (learning->harm * (progress->without + parts))) || (is_worse && (progress->without >= learning->no_error))) {
+        /* Of an error that is not known without a correction, one that has grown is enough. */
+        progress->taken_over = 0.0F;
+        progress->harm = total;
+        progress->without = learning->no_error;
+        progress->is_bare = 1U;
+        progress->verdict = SPRINGPOT_HARMFUL;
     } else {
-        /* neither better nor worse */
-    }
-    taken = (taken > 1.0F) ? 1.0F : taken;
-    progress->taken_over = (taken > 0.0F) ? taken : 0.0F;
-    if (mean_square > (learning->growth[2] * least)) {
-        /* What the film does with the best correction now is measured next. */
-        progress->least = learning->no_error;
-        progress->verdict = SPRINGPOT_WORSE;
-        progress->caution = learning->caution[0] * progress->caution;
-    } else {
-        const float caution = learning->caution[1] * progress->caution;
-        progress->caution = (caution > 1.0F) ? 1.0F : caution;
-        progress->verdict = (mean_square > alike) ? SPRINGPOT_GOOD : SPRINGPOT_BEST;
-        progress->least = (mean_square > progress->least) ? progress->least : mean_square;
+        float taken = progress->taken_over;
+        if (mean_square > (learning->growth[1] * least)) {
+            taken = taken - (learning->taken + learning->taken);
+        } else if (!(mean_square > alike)) {
+            taken = taken + learning->taken;
+        } else {
+            /* neither better nor worse */
+        }
+        taken = (taken > 1.0F) ? 1.0F : taken;
+        progress->taken_over = (taken > 0.0F) ? taken : 0.0F;
+        if (is_worse) {
+            /* What the film does with the best correction now is measured next. */
+            progress->least = learning->no_error;
+            progress->verdict = SPRINGPOT_WORSE;
+            progress->caution = learning->caution[0] * progress->caution;
+        } else {
+            const float caution = learning->caution[1] * progress->caution;
+            progress->caution = (caution > progress->trust) ? progress->trust : caution;
+            progress->verdict = (mean_square > alike) ? SPRINGPOT_GOOD : SPRINGPOT_BEST;
+            progress->least = (mean_square > progress->least) ? progress->least : mean_square;
+        }
     }
 }
 
@@ -164,6 +198,7 @@ static inline void springpot_begin_round(const springpot_learning *learning, spr
     const float on = (state->angle > 0.0F) ? 1.0F : 0.0F;
     uint32_t which;
     float settling;
+    float best;
     bool closed = false;
 
     state->power[0] = 1.0F;
@@ -194,15 +229,21 @@ static inline void springpot_begin_round(const springpot_learning *learning, spr
             state->unit[0] = measured->phase[0];
             state->unit[1] = measured->phase[1];
         }
+        best = state->progress.least + state->progress.noise;
+        best = ((best < state->progress.without) || (state->progress.is_bare != 0U)) ? best : state->progress.without;
         /* So much worse than the best block that this one need not end. */
         if ((!closed) && (block->samples > learning->excess_samples)
-            && (block->sum_of_squares > ((learning->excess * (state->progress.least + state->progress.noise)) * block->samples))) {
+            && (block->sum_of_squares > ((learning->excess * best) * block->samples))) {
             uint32_t i;
             springpot_judge(
                 learning, &state->progress, block->sum_of_squares / block->samples, state->progress.noise, 0.0F);
             for (i = 0U; i <= SPRINGPOT_HARMONICS; i++) {
-                state->harmonics[i].target[0] = state->harmonics[i].best[0];
-                state->harmonics[i].target[1] = state->harmonics[i].best[1];
+                if (state->progress.verdict == SPRINGPOT_HARMFUL) {
+                    springpot_clear_harmonic(learning, &state->harmonics[i]);
+                } else {
+                    state->harmonics[i].target[0] = state->harmonics[i].best[0];
+                    state->harmonics[i].target[1] = state->harmonics[i].best[1];
+                }
             }
             springpot_begin_block(learning, state);
         }
@@ -239,6 +280,8 @@ static inline void springpot_visit(const springpot_learning *learning, springpot
                 state->block.is_short = 1U;
             }
         }
+        state->progress.is_bare =
+            (((index == 0U) || (state->progress.is_bare != 0U)) && (!(springpot_square(harmonic->target) > 0.0F))) ? 1U : 0U;
         if (index == SPRINGPOT_HARMONICS) {
             springpot_begin_block(learning, state);
         }

@@ -69,6 +69,12 @@ const EXCESS_SAMPLES: f64 = 16.0;
 const TAKEN: f64 = 1.0 / 16.0;
 /// Factors of the caution after a block whose error has grown, and after another one.
 const CAUTION: [f64; 2] = [0.5, 1.2];
+/// Mean square of the error over the one without a correction from which a correction does harm.
+const HARM: f64 = 1.5;
+/// Factor of the largest caution after harm, and the one from which nothing is added any more.
+const TRUST: [f64; 2] = [0.5, 0.1];
+/// Share of the error of the block before from which a film without a correction no longer settles. One that never did after harm has changed.
+const SETTLED: f64 = 0.7;
 /// No block yet: larger than the square of any stroke.
 const NONE: f64 = 1e30;
 
@@ -81,6 +87,10 @@ pub(crate) enum Verdict {
     Good,
     /// Worse: back to the best.
     Worse,
+    /// Worse than without a correction: back to none.
+    Harmful,
+    /// Nothing is added, and the error still falls by itself.
+    Settling,
 }
 
 /// Progress of learning over the blocks of a period, so that what is added does not make a film worse.
@@ -94,6 +104,12 @@ pub(crate) struct Progress<T> {
     pub(crate) caution: T,
     /// Share of the sensor's correction of cycles that learning has taken over.
     pub(super) taken_over: T,
+    /// Whether nothing is added, the mean square of the error when nothing was, and that of the last block with harm, m².
+    pub(super) is_bare: bool,
+    without: T,
+    harm: T,
+    /// The largest caution.
+    trust: T,
     pub(crate) verdict: Verdict,
 }
 
@@ -106,23 +122,43 @@ impl<T: Real> Progress<T> {
         take.number("excess_samples", T::from_f64(EXCESS_SAMPLES), "");
         take.number("taken", T::from_f64(TAKEN), "");
         take.array("caution", CAUTION.map(T::from_f64), "");
+        take.number("harm", T::from_f64(HARM), "");
+        take.array("trust", TRUST.map(T::from_f64), "");
+        take.number("settled", T::from_f64(SETTLED), "");
         take.number("no_error", T::from_f64(NONE), "m^2");
     }
 
     pub(super) fn none() -> Self {
         let (none, one) = (T::from_f64(NONE), T::from_f64(1.0));
-        Self { least: none, noise: T::ZERO, caution: one, taken_over: T::ZERO, verdict: Verdict::Best }
+        Self {
+            least: none,
+            noise: T::ZERO,
+            caution: one,
+            taken_over: T::ZERO,
+            is_bare: true,
+            without: T::ZERO,
+            harm: T::ZERO,
+            trust: one,
+            verdict: Verdict::Best,
+        }
+    }
+
+    /// For another period, with the same correction.
+    pub(super) fn renewed(&self) -> Self {
+        let without = if self.is_bare { T::ZERO } else { T::from_f64(NONE) };
+        Self { is_bare: self.is_bare, without, ..Self::none() }
     }
 
     /// For another run that begins with what was learned in this one.
     pub(super) fn carried_over(&self) -> Self {
-        Self { taken_over: self.taken_over, caution: self.caution, ..Self::none() }
+        Self { taken_over: self.taken_over, caution: self.caution, trust: self.trust, ..self.renewed() }
     }
 
     /// Whether a block is so much worse than the best one that it need not end.
     pub(super) fn is_excessive(&self, block: &Block<T>) -> bool {
-        block.samples > T::from_f64(EXCESS_SAMPLES)
-            && block.sum_of_squares > T::from_f64(EXCESS) * (self.least + self.noise) * block.samples
+        let best = self.least + self.noise;
+        let best = if best < self.without || self.is_bare { best } else { self.without };
+        block.samples > T::from_f64(EXCESS_SAMPLES) && block.sum_of_squares > T::from_f64(EXCESS) * best * block.samples
     }
 
     /// Takes a block that has ended: the mean squares (m²) of what the harmonics explain of the error, and of its noise, which gives each
@@ -130,8 +166,30 @@ impl<T: Real> Progress<T> {
     pub(super) fn judge(&mut self, [mean_square, noise]: [T; 2], variance: T) {
         self.noise = noise;
         let (zero, one) = (T::ZERO, T::from_f64(1.0));
+        let total = mean_square + noise;
+        if self.is_bare {
+            let settles = total < T::from_f64(SETTLED) * self.without;
+            (self.without, self.least) = (total, mean_square);
+            self.verdict = if settles { Verdict::Settling } else { Verdict::Best };
+            if settles {
+                self.harm = if self.harm > zero && total > self.harm { total } else { self.harm };
+            } else if self.harm > zero {
+                let is_film = total > T::from_f64(SETTLED) * self.harm;
+                self.trust = if is_film { one } else { T::from_f64(TRUST[0]) * self.trust };
+                self.trust = if self.trust < T::from_f64(TRUST[1]) { zero } else { self.trust };
+                (self.caution, self.harm) = (self.trust, zero);
+            }
+            return;
+        }
         let [alike, grown, worse] =
             GROWTH.map(|growth| T::from_f64(growth) * (self.least + T::from_f64(NOISE_PARTS) * variance));
+        let harmful = T::from_f64(HARM) * (self.without + T::from_f64(NOISE_PARTS) * variance);
+        // Of an error that is not known without a correction, one that has grown is enough.
+        if total > harmful || mean_square > worse && self.without >= T::from_f64(NONE) {
+            (self.taken_over, self.harm, self.without, self.is_bare) = (zero, total, T::from_f64(NONE), true);
+            self.verdict = Verdict::Harmful;
+            return;
+        }
         let step = T::from_f64(TAKEN);
         let taken = if mean_square > grown {
             self.taken_over - (step + step)
@@ -150,7 +208,7 @@ impl<T: Real> Progress<T> {
             return;
         }
         let caution = T::from_f64(CAUTION[1]) * self.caution;
-        self.caution = if caution > one { one } else { caution };
+        self.caution = if caution > self.trust { self.trust } else { caution };
         self.verdict = if mean_square > alike { Verdict::Good } else { Verdict::Best };
         self.least = if mean_square > self.least { self.least } else { mean_square };
     }

@@ -129,9 +129,18 @@ impl<T: Real> Harmonic<T> {
         }
     }
 
-    /// Returns to the correction of the block with the least error.
-    pub(crate) fn retreat(&mut self) {
-        self.target = self.best;
+    /// Returns to the correction of the block with the least error, or to none where it did harm.
+    pub(crate) fn retreat(&mut self, verdict: Verdict) {
+        if verdict == Verdict::Harmful {
+            *self = Self { added: self.added, ..Self::new() };
+        } else {
+            self.target = self.best;
+        }
+    }
+
+    /// Whether a correction is added.
+    pub(crate) fn adds(&self) -> bool {
+        square(self.target) > T::ZERO
     }
 
     /// Halves the target.
@@ -155,6 +164,13 @@ impl<T: Real> Harmonic<T> {
         self.previous_target = self.target;
         if progress.verdict == Verdict::Best {
             self.best = self.target;
+        }
+        if progress.verdict == Verdict::Harmful {
+            *self = Self { added: self.added, ..Self::new() };
+            return true;
+        }
+        if progress.verdict == Verdict::Settling {
+            return true;
         }
         let threshold = T::from_f64(SIGNIFICANCE) * block.variance;
         if self.measure_drift(kind, square(response)) {

@@ -228,7 +228,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         let crossed = self.finder.advance(&mut state.cycle, reference);
         let Some(period) = state.cycle.period() else {
             state.angle = T::ZERO;
-            state.progress = Progress::none();
+            state.progress = state.progress.renewed();
             return;
         };
         let Some(ticks_ago) = crossed else { return };
@@ -243,7 +243,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         } else if state.fade > T::from_f64(FADED_OUT) {
             // Another period: the correction fades out first.
             state.angle = T::ZERO;
-            state.progress = Progress::none();
+            state.progress = state.progress.renewed();
         } else {
             state.phase = [T::from_f64(1.0), angle * ticks_ago];
             state.set_angle(angle);
@@ -290,6 +290,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
             };
             state.block.is_short |= harmonic.update(kind, &state.block, &state.progress);
         }
+        state.progress.is_bare = (index == 0 || state.progress.is_bare) && !harmonic.adds();
         if index == HARMONICS {
             state.begin_block();
         }
@@ -334,7 +335,8 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         }
         if state.progress.is_excessive(&state.block) {
             state.progress.judge([state.block.sum_of_squares / state.block.samples, state.progress.noise], T::ZERO);
-            state.harmonics.iter_mut().for_each(Harmonic::retreat);
+            let verdict = state.progress.verdict;
+            state.harmonics.iter_mut().for_each(|harmonic| harmonic.retreat(verdict));
             state.begin_block();
         }
     }
