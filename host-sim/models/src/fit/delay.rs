@@ -33,9 +33,11 @@ pub(super) fn suspected(context: &Context<'_>, found: &Found) -> Option<f64> {
     of_structure(context, found).or_else(|| of_small_structure(context))
 }
 
-/// Whether `late`, which has a delay, is so much better than `found` that the delay is kept.
+/// Whether `late`, which has a delay, is so much better than `found`, or so much smaller a film, that the delay is kept.
 pub(super) fn is_kept(context: &Context<'_>, late: &Found, found: &Found) -> bool {
-    late.minimum.cost <= WORTH * found.minimum.cost
+    let explains = late.minimum.cost <= WORTH * found.minimum.cost;
+    let is_smaller = late.minimum.cost <= found.minimum.cost && late.variables.len() < found.variables.len();
+    (explains || is_smaller)
         && late.candidate.delay_s.abs() >= MIN_INTERVALS * context.scales.step_s
         && is_everywhere(context.fine, late)
 }

@@ -153,8 +153,8 @@ impl Kind {
             CurveChoice::Free => free(false),
             CurveChoice::Both => free(true),
             CurveChoice::Two => two,
-            CurveChoice::Auto if volts => [vec![Self::Saturation], free(false), free(true)].concat(),
-            CurveChoice::Auto => [vec![Self::MooneyRivlin, Self::Gent], free(false)].concat(),
+            CurveChoice::Auto if volts => [vec![Self::Saturation], free(false), free(true), two].concat(),
+            CurveChoice::Auto => [vec![Self::MooneyRivlin, Self::Gent], free(false), two].concat(),
         };
         [vec![Self::Linear], nonlinear].concat()
     }
