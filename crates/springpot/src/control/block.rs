@@ -74,7 +74,7 @@ const HARM: f64 = 1.5;
 /// Factor of the largest caution after harm, and the one from which nothing is added any more.
 const TRUST: [f64; 2] = [0.5, 0.1];
 /// Share of the error of the block before from which a film without a correction no longer settles. One that never did after harm has changed.
-const SETTLED: f64 = 0.7;
+const SETTLED: f64 = 0.9;
 /// No block yet: larger than the square of any stroke.
 const NONE: f64 = 1e30;
 

@@ -31,13 +31,13 @@ const LIMITS: CommandLimits = CommandLimits {
 const SPRING_N_PER_M: f64 = 9e3;
 /// Stiffness (N/m) and retardation time (s) of the Kelvin–Voigt elements.
 const ELEMENTS: [(f64, f64); 3] = [(40e3, 0.8), (50e3, 9.0), (30e3, 70.0)];
-/// Damping ratio of the mass that the law knows, on the spring alone.
-const DAMPING_RATIO: f64 = 0.15;
 
 /// The film, stepped by the semi-implicit Euler method in tenths of a millisecond.
 #[derive(Clone, Copy, Debug)]
 struct Film {
     mass_kg: f64,
+    /// N·s/m.
+    damping: f64,
     /// Cubic stiffness of the spring, N/m³.
     stiffening: f64,
     elements: [f64; 3],
@@ -46,13 +46,14 @@ struct Film {
 }
 
 impl Film {
+    /// Damped by a ratio of 0.15 if it has the mass that its law knows.
     fn new(mass_kg: f64, stiffening: f64) -> Self {
-        Self { mass_kg, stiffening, elements: [0.0; 3], displacement: 0.0, speed: 0.0 }
+        let damping = 2.0 * 0.15 * (SPRING_N_PER_M * ACTUATOR.mass_kg).sqrt();
+        Self { mass_kg, damping, stiffening, elements: [0.0; 3], displacement: 0.0, speed: 0.0 }
     }
 
     /// A millisecond under `voltage_v`; the displacement (m) at its end.
     fn advance(&mut self, voltage_v: f64) -> f64 {
-        let damping = 2.0 * DAMPING_RATIO * (SPRING_N_PER_M * ACTUATOR.mass_kg).sqrt();
         let step_s = 1e-4;
         for _ in 0..10 {
             let extension = self.displacement - self.elements.iter().sum::<f64>();
@@ -61,7 +62,7 @@ impl Film {
                 *element += step_s * (stress / stiffness - *element) / time_s;
             }
             let force = ACTUATOR.force(voltage_v, self.displacement);
-            self.speed += step_s * (force - stress - damping * self.speed) / self.mass_kg;
+            self.speed += step_s * (force - stress - self.damping * self.speed) / self.mass_kg;
             self.displacement += step_s * self.speed;
         }
         self.displacement
@@ -141,6 +142,14 @@ impl Case {
         }
     }
 
+    /// The same with a damping ratio of 0.15 to 25 %.
+    fn lightly_damped(seed: u64) -> Self {
+        let case = Self::random(seed);
+        let ratio = 0.0015 * 170f64.powf(Pcg64::seed_from_u64(1000 + seed).random_range(0.0..1.0));
+        let damping = 2.0 * ratio * (SPRING_N_PER_M * case.film.mass_kg).sqrt();
+        Self { film: Film { damping, ..case.film }, ..case }
+    }
+
     fn outcome(&self, is_learned: bool) -> Outcome {
         let law: Law<f32> = Law::compressed(&model(), LawOptions::at_step(1.0 / RATE_HZ as f64)).expect("valid");
         let options = LearningOptions {
@@ -203,9 +212,27 @@ impl Case {
     }
 }
 
+/// Seeds of the cases that end worse with learning, in RMS or in the largest error, each with the ratio of both; and the median ratio of all RMS errors.
+fn worse(cases: &[Case]) -> (Vec<(u64, f64, f64)>, f64) {
+    let (mut worse, mut ratios) = (Vec::new(), Vec::new());
+    for case in cases {
+        let [without, with] = [false, true].map(|is_learned| case.outcome(is_learned));
+        let rms = with.late_rms_pct / without.late_rms_pct;
+        let is_larger = with.late_rms_pct > 1.02 * without.late_rms_pct + 0.2;
+        if is_larger || with.largest_pct > 1.05 * without.largest_pct + 1.0 {
+            println!("{case:?}\n    without {without:?}\n    with {with:?}");
+            worse.push((case.seed, rms, with.largest_pct / without.largest_pct));
+        }
+        ratios.push(rms);
+    }
+    ratios.sort_by(f64::total_cmp);
+    let median = ratios[ratios.len() / 2];
+    println!("of {} films {} worse: {worse:?}; median ratio of the RMS errors {median:.3}", cases.len(), worse.len());
+    (worse, median)
+}
+
 /// A heavy film near whose resonance, at 10 Hz, harmonics of the reference lie, and random masses, springs, periods and harmonics: with
-/// learning not worse than without, in RMS and in the largest error. 501 films of the full sweep: the RMS error is larger on one, by a
-/// quarter, and the largest error on five, by up to its own size, while the response near a resonance is measured.
+/// learning not worse than without, but for the largest error while the response near a resonance is measured.
 #[test]
 fn no_film_ends_worse_with_learned_cycles() {
     let count = if full_sweep() { 500 } else { 12 };
@@ -219,21 +246,20 @@ fn no_film_ends_worse_with_learned_cycles() {
         is_tracked: false,
         seed: 0,
     };
-    let mut worse = Vec::new();
-    let mut shares = Vec::new();
-    for case in (1..=count).map(Case::random).chain([heavy]) {
-        let [without, with] = [false, true].map(|is_learned| case.outcome(is_learned));
-        shares.push(with.late_rms_pct / without.late_rms_pct);
-        let is_larger = with.late_rms_pct > 1.02 * without.late_rms_pct + 0.2;
-        if is_larger || with.largest_pct > 1.05 * without.largest_pct + 1.0 {
-            println!("{case:?}\n    without {without:?}\n    with {with:?}");
-            worse.push((case.seed, with.late_rms_pct / without.late_rms_pct, with.largest_pct / without.largest_pct));
-        }
-    }
-    shares.sort_by(f64::total_cmp);
-    let median = shares[shares.len() / 2];
-    println!("of {} films: {} worse; median share of the RMS error {median:.3}", shares.len(), worse.len());
-    assert!(worse.len() * 80 <= shares.len(), "{worse:?}");
+    let cases: Vec<Case> = (1..=count).map(Case::random).chain([heavy]).collect();
+    let (worse, median) = worse(&cases);
+    assert!(worse.len() * 80 <= cases.len(), "{worse:?}");
     assert!(worse.iter().all(|&(_, rms, largest)| rms < 1.3 && largest < 2.1), "{worse:?}");
     assert!(median < 0.15, "{median}");
+}
+
+/// Films that ring for a hundred cycles: learning beside their resonance once drove one to a hundred times its stroke. It is given up where it
+/// does harm.
+#[test]
+fn no_film_that_rings_ends_much_worse() {
+    let seeds = if full_sweep() { 1..=500 } else { 450..=458 };
+    let cases: Vec<Case> = seeds.map(Case::lightly_damped).collect();
+    let (worse, _) = worse(&cases);
+    assert!(worse.len() * 40 <= cases.len() + 39, "{worse:?}");
+    assert!(worse.iter().all(|&(_, rms, largest)| rms < 1.6 && largest < 4.0), "{worse:?}");
 }

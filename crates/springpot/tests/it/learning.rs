@@ -5,8 +5,7 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{
-    Actuator, Applied, CommandLimits, Follower, Law, LawOptions, Learning, LearningOptions, LearningState, Limited,
-    Maxwell, ObserverOptions, SensorSample, Springpot, Topology, Tracking,
+    Actuator, LawOptions, Learning, LearningOptions, LearningState, Limited, Maxwell, SensorSample, Springpot, Topology,
 };
 
 use crate::support::full_sweep;
@@ -166,129 +165,6 @@ fn no_film_is_made_worse() {
     let left = shares.iter().filter(|&&share| share > 0.5).count();
     println!("of {count} films: error with over without: median {median:.4}, worst {worst:.3}; {left} above a half");
     assert!(median < 0.02 && left * 5 < shares.len());
-}
-
-/// A film that stiffens with the third power of its stretch in series with creep, with a weight of which its law knows nothing.
-struct Heavy {
-    /// N/m and N/m³.
-    spring: (f64, f64),
-    /// Stiffness of each of three Kelvin–Voigt elements, N/m.
-    elements: [f64; 3],
-    /// kg and N·s/m.
-    inertia: (f64, f64),
-    coupling_per_m: f64,
-    /// x, its speed, and the extensions of the elements.
-    state: [f64; 5],
-}
-
-impl Heavy {
-    const TIMES_S: [f64; 3] = [0.3, 4.0, 40.0];
-
-    fn slope(&self, volts: f64, [x, speed, rest @ ..]: [f64; 5]) -> [f64; 5] {
-        let stretch = x - rest.iter().sum::<f64>();
-        let force = self.spring.0 * stretch + self.spring.1 * stretch.powi(3);
-        let pull = Actuator::KARNER_2022.electrostatic_force(volts) * (1.0 + self.coupling_per_m * x);
-        let [a, b, c] = std::array::from_fn(|i| (force / self.elements[i] - rest[i]) / Self::TIMES_S[i]);
-        [speed, (pull - force - self.inertia.1 * speed) / self.inertia.0, a, b, c]
-    }
-
-    /// A millisecond under `volts`, by the classical Runge–Kutta method.
-    fn advance(&mut self, volts: f64) -> f64 {
-        const STEP_S: f64 = 0.25e-3;
-        for _ in 0..4 {
-            let ahead = |slope: [f64; 5], by: f64| std::array::from_fn(|i| self.state[i] + by * slope[i]);
-            let a = self.slope(volts, self.state);
-            let b = self.slope(volts, ahead(a, 0.5 * STEP_S));
-            let c = self.slope(volts, ahead(b, 0.5 * STEP_S));
-            let d = self.slope(volts, ahead(c, STEP_S));
-            self.state = std::array::from_fn(|i| self.state[i] + STEP_S / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]));
-        }
-        self.state[0]
-    }
-}
-
-/// RMS and largest error over 115 s of a sine that begins after a rise of 5 s, and the same over its last 50 s, m, on the film of `seed`.
-fn heavy_errors_m(seed: u64, is_learned: bool) -> ([f64; 4], f64) {
-    let mut random = Pcg64::seed_from_u64(seed);
-    let mut uniform = |low: f64, high: f64| random.random_range(low..high);
-    let spring = 10f64.powf(uniform(3.7, 4.2));
-    let stretched_m = uniform(0.4e-3, 1.6e-3);
-    let stiffening = uniform(-0.5, 1.5).max(0.0) * spring / (stretched_m * stretched_m);
-    let creep = uniform(0.05, 0.6);
-    let elements = Heavy::TIMES_S.map(|_| spring / (creep / 3.0 * uniform(0.5, 1.5)));
-    let mass_kg = 0.05 * 60f64.powf(uniform(0.0, 1.0));
-    let damping = 0.003 * 170f64.powf(uniform(0.0, 1.0)) * (mass_kg * spring).sqrt();
-    let coupling_per_m = uniform(0.0, 60.0);
-    let period_s = 0.12 * 50f64.powf(uniform(0.0, 1.0));
-    let (low_m, high_m) = (stretched_m * uniform(0.1, 0.4), stretched_m * uniform(0.5, 0.9));
-    let main = Springpot::new(spring * uniform(0.7, 1.1), uniform(0.0, 0.08));
-    let harmonics = uniform(1.0, 7.0) as usize;
-    let (is_tracking, is_given) = (uniform(0.0, 1.0) < 0.5, uniform(0.0, 1.0) < 0.5);
-    let noise_m = 10f64.powf(uniform(-6.5, -5.0));
-
-    let actuator = Actuator { mass_kg: 0.1, stretch_coupling: coupling_per_m, ..Actuator::KARNER_2022 };
-    let limits =
-        CommandLimits { max_voltage_v: 20e3, max_field_v_per_m: 1e9, max_slew_v_per_s: 1e6, ..CommandLimits::BENCH };
-    let limits = CommandLimits { max_acceleration_m_per_s2: 20.0, max_velocity_m_per_s: 0.5, ..limits };
-    let model = Maxwell::new(main, &[], Topology::Parallel, actuator.mass_kg).expect("valid");
-    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(STEP_S)).expect("valid");
-    let options = LearningOptions { harmonics, period_s: is_given.then_some(period_s), ..LearningOptions::BENCH };
-    let learning = Learning::new(&law, &actuator, limits.max_voltage_v, options).expect("valid");
-    let tracking = Tracking::new(law.clone(), &actuator, limits, ObserverOptions::at_bandwidth(0.6)).expect("valid");
-    let mut follower = Follower::new(tracking);
-    if is_learned {
-        follower = follower.with_learning(learning);
-    }
-    let mut state = follower.state(law.state());
-    state.set_feedback(is_tracking);
-
-    let mut film =
-        Heavy { spring: (spring, stiffening), elements, inertia: (mass_kg, damping), coupling_per_m, state: [0.0; 5] };
-    let (mut volts, mut reference_m, mut errors) = (0.0, 0.0, Vec::new());
-    for tick in 0..120_000_usize {
-        let x = film.advance(f64::from(volts));
-        if tick > 5000 {
-            errors.push(x - reference_m);
-        }
-        let noise = noise_m * 3f64.sqrt() * random.random_range(-1.0..1.0);
-        let sample = SensorSample { displacement_m: (x + noise) as f32, age_ticks: 0 };
-        let t = (tick + 1) as f64 * STEP_S;
-        let share = (t / 5.0).min(1.0);
-        let rise = share.powi(3) * (10.0 - 15.0 * share + 6.0 * share * share);
-        let wave = 0.5 * (1.0 - (TAU * (t - 5.0).max(0.0) / period_s).cos());
-        reference_m = low_m * rise + (high_m - low_m) * wave;
-        let sample = tick.is_multiple_of(10).then_some(sample);
-        volts = follower.step(&mut state, Applied::as_commanded(volts), sample, reference_m as f32).voltage_v;
-    }
-    let largest = |errors: &[f64]| errors.iter().fold(0.0, |most: f64, e| most.max(e.abs()));
-    let last = &errors[errors.len() - 50_000..];
-    ([rms(&errors), largest(&errors), rms(last), largest(last)], noise_m)
-}
-
-/// Films with a resonance that their law does not know, lightly damped: learning beside one once drove a film to a hundred times its
-/// stroke. It is given up where it does harm.
-#[test]
-fn a_resonance_ends_in_no_more_than_it_was() {
-    let seeds = if full_sweep() { 100..600 } else { 130..145 };
-    let count = seeds.clone().count();
-    let mut worse = [const { Vec::new() }; 4];
-    for seed in seeds {
-        let [(with, noise_m), (without, _)] = [true, false].map(|is_learned| heavy_errors_m(seed, is_learned));
-        for (k, worse) in worse.iter_mut().enumerate() {
-            let allowed_m = 1.02 * without[k] + noise_m * [1.0, 3.0][k % 2];
-            assert!(with[k] < 3.0 * allowed_m, "{seed}: {with:?} of {without:?}");
-            if with[k] > allowed_m {
-                worse.push(format!("{seed}: {:.2}", with[k] / without[k]));
-            }
-        }
-    }
-    println!(
-        "worse of {count}: RMS {:?}, largest {:?}; over the last 50 s {:?}, {:?}",
-        worse[0], worse[1], worse[2], worse[3]
-    );
-    // The largest error comes while the film's response is measured.
-    let [all, largest, last, last_largest] = worse.map(|worse| worse.len());
-    assert!(50 * all <= count + 49 && 20 * largest <= count + 19 && last == 0 && 50 * last_largest <= count + 49);
 }
 
 /// A film that gets a fifth stiffer, and a reference that gets faster: learned again within ten cycles, without a jump.

@@ -26,7 +26,7 @@ choice! {
     /// Nonlinearities that may be fitted.
     #[derive(Default)]
     pub enum CurveChoice {
-        /// Select: none, a drive that saturates, an elastic curve, or both.
+        /// Select: none, a drive that saturates, an elastic curve, both, or two curves.
         Auto = "auto",
         /// A linear film: Eq. 11.
         #[default]
@@ -41,7 +41,7 @@ choice! {
         Free = "free",
         /// A curve of monotone pieces, and a drive that saturates.
         Both = "both",
-        /// Two curves: a spring beside the memory, which has a strain measure of its own. Not among those of `Auto`.
+        /// Two curves: a spring beside the memory, which has a strain measure of its own.
         Two = "two",
     }
 }
