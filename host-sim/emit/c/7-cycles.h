@@ -314,7 +314,7 @@ static inline void springpot_track_period(
 
     if (state->cycle.is_periodic == 0U) {
         state->angle = 0.0F;
-        springpot_no_progress(learning, &state->progress);
+        springpot_renew_progress(learning, &state->progress);
     } else if (crossed) {
         const float angle = learning->turn / state->cycle.interval;
         const float cosine = state->phase[0];
@@ -327,7 +327,7 @@ static inline void springpot_track_period(
         } else if (state->fade > learning->faded_out) {
             /* Another period: what was learned is faded out first. */
             state->angle = 0.0F;
-            springpot_no_progress(learning, &state->progress);
+            springpot_renew_progress(learning, &state->progress);
         } else {
             state->phase[0] = 1.0F;
             state->phase[1] = angle * late;

@@ -140,7 +140,7 @@ static inline void springpot_judge(
         progress->verdict = SPRINGPOT_HARMFUL;
     } else {
         float taken = progress->taken_over;
-        if (mean_square > (learning->growth[1] * least)) {
+        if ((mean_square > (learning->growth[1] * least)) || (total > progress->without)) {
             taken = taken - (learning->taken + learning->taken);
         } else if (!(mean_square > alike)) {
             taken = taken + learning->taken;

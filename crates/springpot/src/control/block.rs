@@ -57,8 +57,8 @@ impl<T: Real> Block<T> {
     }
 }
 
-/// Mean square of the error over the least one up to which learning takes over from the observer, above which it gives back, and above which
-/// a correction is no longer trusted.
+/// Mean square of the error over the least one up to which learning takes over from the observer, above which it gives back (as above the
+/// one without a correction), and above which a correction is no longer trusted.
 const GROWTH: [f64; 3] = [1.2, 1.5, 2.0];
 /// Variances of a part of E that noise alone may show: twice the parts of all harmonics.
 const NOISE_PARTS: f64 = 26.0;
@@ -191,7 +191,7 @@ impl<T: Real> Progress<T> {
             return;
         }
         let step = T::from_f64(TAKEN);
-        let taken = if mean_square > grown {
+        let taken = if mean_square > grown || total > self.without {
             self.taken_over - (step + step)
         } else if mean_square > alike {
             self.taken_over

@@ -261,5 +261,5 @@ fn no_film_that_rings_ends_much_worse() {
     let cases: Vec<Case> = seeds.map(Case::lightly_damped).collect();
     let (worse, _) = worse(&cases);
     assert!(worse.len() * 40 <= cases.len() + 39, "{worse:?}");
-    assert!(worse.iter().all(|&(_, rms, largest)| rms < 1.6 && largest < 4.0), "{worse:?}");
+    assert!(worse.iter().all(|&(_, rms, largest)| rms < 1.6 && largest < 5.0), "{worse:?}");
 }
