@@ -147,7 +147,7 @@ typedef struct {
     float caution[2];
     float harm;
     float trust[2];
-    float settled;
+    float settled[2];
     float no_error;               /* m^2 */
     float series_angle;           /* largest angle of the series of cosine and sine, rad */
     float cosine[4];

@@ -116,14 +116,14 @@ static inline void springpot_judge(
 
     progress->noise = noise;
     if (progress->is_bare != 0U) {
-        const bool settles = total < (learning->settled * progress->without);
+        const bool settles = total < (learning->settled[0] * progress->without);
         progress->without = total;
         progress->least = mean_square;
         progress->verdict = settles ? SPRINGPOT_SETTLING : SPRINGPOT_BEST;
         if (settles) {
             progress->harm = ((progress->harm > 0.0F) && (total > progress->harm)) ? total : progress->harm;
         } else if (progress->harm > 0.0F) {
-            const bool is_film = total > (learning->settled * progress->harm);
+            const bool is_film = total > (learning->settled[1] * progress->harm);
             progress->trust = is_film ? 1.0F : (learning->trust[0] * progress->trust);
             progress->trust = (progress->trust < learning->trust[1]) ? 0.0F : progress->trust;
             progress->caution = progress->trust;

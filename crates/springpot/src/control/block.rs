@@ -73,8 +73,9 @@ const CAUTION: [f64; 2] = [0.5, 1.2];
 const HARM: f64 = 1.5;
 /// Factor of the largest caution after harm, and the one from which nothing is added any more.
 const TRUST: [f64; 2] = [0.5, 0.1];
-/// Share of the error of the block before from which a film without a correction no longer settles. One that never did after harm has changed.
-const SETTLED: f64 = 0.9;
+/// Share of the error of the block before from which a film without a correction no longer settles, and of the largest one since harm above which
+/// the film is what has changed.
+const SETTLED: [f64; 2] = [0.9, 0.7];
 /// No block yet: larger than the square of any stroke.
 const NONE: f64 = 1e30;
 
@@ -124,7 +125,7 @@ impl<T: Real> Progress<T> {
         take.array("caution", CAUTION.map(T::from_f64), "");
         take.number("harm", T::from_f64(HARM), "");
         take.array("trust", TRUST.map(T::from_f64), "");
-        take.number("settled", T::from_f64(SETTLED), "");
+        take.array("settled", SETTLED.map(T::from_f64), "");
         take.number("no_error", T::from_f64(NONE), "m^2");
     }
 
@@ -168,13 +169,13 @@ impl<T: Real> Progress<T> {
         let (zero, one) = (T::ZERO, T::from_f64(1.0));
         let total = mean_square + noise;
         if self.is_bare {
-            let settles = total < T::from_f64(SETTLED) * self.without;
+            let settles = total < T::from_f64(SETTLED[0]) * self.without;
             (self.without, self.least) = (total, mean_square);
             self.verdict = if settles { Verdict::Settling } else { Verdict::Best };
             if settles {
                 self.harm = if self.harm > zero && total > self.harm { total } else { self.harm };
             } else if self.harm > zero {
-                let is_film = total > T::from_f64(SETTLED) * self.harm;
+                let is_film = total > T::from_f64(SETTLED[1]) * self.harm;
                 self.trust = if is_film { one } else { T::from_f64(TRUST[0]) * self.trust };
                 self.trust = if self.trust < T::from_f64(TRUST[1]) { zero } else { self.trust };
                 (self.caution, self.harm) = (self.trust, zero);
