@@ -52,6 +52,7 @@ typedef struct {
     float without;    /* m^2 */
     float harm;       /* m^2 */
     float trust;
+    float excess; /* m^2 */
     uint32_t is_bare;
     uint32_t verdict;
 } springpot_progress;
@@ -91,7 +92,7 @@ typedef struct {
     springpot_turn past[SPRINGPOT_PAST];
 } springpot_learning_state;
 
-SPRINGPOT_ASSERT(sizeof(springpot_learning_state) == 1432U, a_state_of_learning_takes_1432_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_learning_state) == 1436U, a_state_of_learning_takes_1436_bytes);
 
 /* `angle` (rad) within its bound, and exp(i) of it. */
 static inline void springpot_set_angle(const springpot_learning *learning, springpot_learning_state *state, float angle)
@@ -131,6 +132,7 @@ static inline void springpot_renew_blocks(const springpot_learning *learning, sp
     progress->noise = 0.0F;
     progress->without = (progress->is_bare != 0U) ? 0.0F : no_error;
     progress->harm = 0.0F;
+    progress->excess = no_error;
     progress->verdict = SPRINGPOT_BEST;
 }
 

@@ -113,6 +113,7 @@ static inline void springpot_judge(
     const float alike = learning->growth[0] * least;
     const float total = mean_square + noise;
     const bool is_worse = mean_square > (learning->growth[2] * least);
+    float best;
 
     progress->noise = noise;
     if (progress->is_bare != 0U) {
@@ -161,6 +162,8 @@ static inline void springpot_judge(
             progress->least = (mean_square > progress->least) ? progress->least : mean_square;
         }
     }
+    best = progress->least + noise;
+    progress->excess = learning->excess * ((best < progress->without) ? best : progress->without);
 }
 
 /* Ends a block. What the harmonics do not explain of the error is noise. */
@@ -198,7 +201,6 @@ static inline void springpot_begin_round(const springpot_learning *learning, spr
     const float on = (state->angle > 0.0F) ? 1.0F : 0.0F;
     uint32_t which;
     float settling;
-    float best;
     bool closed = false;
 
     state->power[0] = 1.0F;
@@ -229,11 +231,9 @@ static inline void springpot_begin_round(const springpot_learning *learning, spr
             state->unit[0] = measured->phase[0];
             state->unit[1] = measured->phase[1];
         }
-        best = state->progress.least + state->progress.noise;
-        best = ((best < state->progress.without) || (state->progress.is_bare != 0U)) ? best : state->progress.without;
         /* So much worse than the best block that this one need not end. */
         if ((!closed) && (block->samples > learning->excess_samples)
-            && (block->sum_of_squares > ((learning->excess * best) * block->samples))) {
+            && (block->sum_of_squares > (state->progress.excess * block->samples))) {
             uint32_t i;
             springpot_judge(
                 learning, &state->progress, block->sum_of_squares / block->samples, state->progress.noise, 0.0F);

@@ -54,7 +54,7 @@ typedef struct {
 } springpot_tick_state;
 
 /* States are stored and compared as words: nothing is padded. */
-SPRINGPOT_ASSERT(sizeof(springpot_tick_state) == 2284U, a_state_of_a_tick_takes_2284_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_tick_state) == 2288U, a_state_of_a_tick_takes_2288_bytes);
 
 /* Sets all of `state` to a film at rest at x = 0 and 0 V. `kind` is one of SPRINGPOT_TICK_DISPLACEMENT and its siblings. `learns`:
  * feedforward and tracking learn cycles, where the film's file says so. */

@@ -111,6 +111,8 @@ pub(crate) struct Progress<T> {
     harm: T,
     /// The largest caution.
     trust: T,
+    /// The mean square of the error at which a block ends early, m².
+    excess: T,
     pub(crate) verdict: Verdict,
 }
 
@@ -140,6 +142,7 @@ impl<T: Real> Progress<T> {
             without: T::ZERO,
             harm: T::ZERO,
             trust: one,
+            excess: none,
             verdict: Verdict::Best,
         }
     }
@@ -155,16 +158,21 @@ impl<T: Real> Progress<T> {
         Self { taken_over: self.taken_over, caution: self.caution, trust: self.trust, ..self.renewed() }
     }
 
-    /// Whether a block is so much worse than the best one that it need not end.
+    /// Whether a block is so much worse than the best one, or than without a correction, that it need not end.
     pub(super) fn is_excessive(&self, block: &Block<T>) -> bool {
-        let best = self.least + self.noise;
-        let best = if best < self.without || self.is_bare { best } else { self.without };
-        block.samples > T::from_f64(EXCESS_SAMPLES) && block.sum_of_squares > T::from_f64(EXCESS) * best * block.samples
+        block.samples > T::from_f64(EXCESS_SAMPLES) && block.sum_of_squares > self.excess * block.samples
     }
 
     /// Takes a block that has ended: the mean squares (m²) of what the harmonics explain of the error, and of its noise, which gives each
     /// part of a harmonic the `variance` (m²).
-    pub(super) fn judge(&mut self, [mean_square, noise]: [T; 2], variance: T) {
+    pub(super) fn judge(&mut self, mean_squares: [T; 2], variance: T) {
+        self.rate(mean_squares, variance);
+        let best = self.least + self.noise;
+        let best = if best < self.without { best } else { self.without };
+        self.excess = T::from_f64(EXCESS) * best;
+    }
+
+    fn rate(&mut self, [mean_square, noise]: [T; 2], variance: T) {
         self.noise = noise;
         let (zero, one) = (T::ZERO, T::from_f64(1.0));
         let total = mean_square + noise;
