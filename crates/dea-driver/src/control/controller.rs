@@ -7,9 +7,9 @@ use crate::control::loop_test::{Followed, LoopTest, Step, Target};
 use crate::control::sampler::Sampler;
 use crate::control::setpoint::{Ramp, SetpointError};
 use crate::control::{LearningOrder, Mode, Telemetry};
-#[cfg(feature = "link")]
-use crate::parameters::digest;
 use crate::parameters::{Blob, ControllerMemory, Parameters, Watched};
+#[cfg(feature = "link")]
+use crate::parameters::{digest, digest_of};
 use crate::safety::{Cause, Motion, Readings, Refusal, Supervisor};
 
 /// Largest correction that may be learned of a periodic reference, as a share of the largest displacement: more trips as a disturbance.
@@ -136,7 +136,7 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
 #[cfg(feature = "link")]
 struct Constants<'a, M: ControllerMemory> {
     parameters: &'a Parameters<M>,
-    law: &'a Law<f32, M>,
+    follower: &'a Follower<f32, Tracking<f32, M>>,
     watched: &'a Law<f32, Watched>,
     supervisor: &'a Supervisor,
     motion: &'a Motion,
@@ -167,8 +167,8 @@ impl<M: ControllerMemory> Constants<'_, M> {
             )),
             2 => digest(&(&p.amplifier, &p.monitor, &p.sensor)),
             3 => digest(&p.limits),
-            4 => digest(&M::coefficients(self.law)),
-            5 => digest(&self.watched.coefficients()),
+            4 => digest_of(|fold| M::numbers(self.follower, fold)),
+            5 => digest_of(|fold| self.watched.numbers(fold)),
             _ => digest(&(self.supervisor.constants(), self.motion.constants(), self.scales, self.lags)),
         }
     }
@@ -250,7 +250,7 @@ impl<M: ControllerMemory> Controller<M> {
     fn constants(&self) -> Constants<'_, M> {
         Constants {
             parameters: &self.parameters,
-            law: self.follower.compensator().observer().law(),
+            follower: &self.follower,
             watched: &self.watched,
             supervisor: &self.supervisor,
             motion: &self.motion,

@@ -2,9 +2,10 @@
 
 use postcard::ser_flavors::Flavor;
 use serde::Serialize;
+use springpot::Numbers;
 
 /// Rotates and adds: a bit that flips changes the digest, whichever it is.
-struct Fold(u32);
+pub(crate) struct Fold(u32);
 
 impl Fold {
     fn push(&mut self, word: u32) {
@@ -34,6 +35,23 @@ impl Flavor for Fold {
     fn finalize(self) -> postcard::Result<u32> {
         Ok(self.0)
     }
+}
+
+impl Numbers<f32> for Fold {
+    fn number(&mut self, _name: &'static str, value: f32, _about: &'static str) {
+        self.push(value.to_bits());
+    }
+
+    fn count(&mut self, _name: &'static str, value: u32, _about: &'static str) {
+        self.push(value);
+    }
+}
+
+/// The digest of the numbers that `visit` visits.
+pub(crate) fn digest_of(visit: impl FnOnce(&mut Fold)) -> u32 {
+    let mut fold = Fold(!0);
+    visit(&mut fold);
+    fold.0
 }
 
 /// The digest of what `value` is made of.

@@ -4,7 +4,7 @@ use core::fmt::Debug;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use springpot::{Coefficients, Compressed, Law, LawError, LawState, Memory};
+use springpot::{Coefficients, Compressed, Follower, Law, LawError, LawState, Memory, Numbers, Tracking};
 
 /// The memory of a film that no sensor corrects. It watches limits alone, for which 1 % is enough: see [`Law::coarser`].
 pub(crate) type Watched = Compressed<f32, 4, 11, 7>;
@@ -40,6 +40,10 @@ pub trait ControllerMemory: Memory<f32, History: Clone + Debug> + Clone + Debug 
     #[doc(hidden)]
     fn coefficients(law: &Law<f32, Self>) -> Self::Coefficients;
 
+    /// Visits what a tick of `follower` computes with.
+    #[doc(hidden)]
+    fn numbers(follower: &Follower<f32, Tracking<f32, Self>>, take: &mut impl Numbers<f32>);
+
     /// Whether the law of `coefficients` has a spring beside its memory.
     #[doc(hidden)]
     fn has_spring(coefficients: &Self::Coefficients) -> bool;
@@ -64,6 +68,13 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> ControllerMemory f
 
     fn coefficients(law: &Law<f32, Self>) -> Self::Coefficients {
         law.coefficients()
+    }
+
+    fn numbers(follower: &Follower<f32, Tracking<f32, Self>>, take: &mut impl Numbers<f32>) {
+        follower.compensator().numbers(take);
+        if let Some(learning) = follower.learning() {
+            learning.numbers(take);
+        }
     }
 
     fn has_spring(coefficients: &Self::Coefficients) -> bool {

@@ -14,7 +14,7 @@ mod store;
 pub use blob::BlobHeader;
 pub use blob::{BLOB_LEN, Blob, BlobError, SCHEMA};
 #[cfg(feature = "link")]
-pub(crate) use digest::digest;
+pub(crate) use digest::{digest, digest_of};
 pub use memory::ControllerMemory;
 pub(crate) use memory::Watched;
 #[cfg(feature = "store")]

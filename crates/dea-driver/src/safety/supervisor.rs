@@ -88,7 +88,8 @@ pub struct Supervisor {
     max_displacement_m: f32,
     max_disturbance_share: f32,
     live_v: f32,
-    on_sensor_fault: OnSensorFault,
+    /// [`OPENS_LOOP`], or it trips. A number, of which every bit counts: an enum that is none of its variants need not trip.
+    on_sensor_fault: u32,
     heartbeat_ticks: u32,
     ticks_since_heartbeat: u32,
     discharge_ticks: u32,
@@ -117,6 +118,9 @@ enum SelfTest {
     NotNeeded,
     Missing,
 }
+
+/// The loop is opened on a fault of the sensor.
+const OPENS_LOOP: u32 = 0x5a;
 
 /// Ticks at 0 V that make up for one with voltage while the amplifier is disabled: a film that is live for more than a fifth of the time is
 /// reported.
@@ -149,7 +153,7 @@ impl Supervisor {
             max_displacement_m: limits.max_displacement_m,
             max_disturbance_share: limits.max_disturbance_share,
             live_v: limits.monitor.band_v,
-            on_sensor_fault: limits.on_sensor_fault,
+            on_sensor_fault: if limits.on_sensor_fault == OnSensorFault::OpenLoop { OPENS_LOOP } else { !OPENS_LOOP },
             heartbeat_ticks: (limits.heartbeat_s * rate_hz + 0.5) as u32,
             ticks_since_heartbeat: 0,
             discharge_ticks: (limits.discharge_s * rate_hz + 0.5) as u32,
@@ -218,7 +222,8 @@ impl Supervisor {
     /// Whether what changes from tick to tick is such as ticks leave it, where another value would hide a fault.
     #[cfg(feature = "link")]
     pub(crate) fn is_sound(&self) -> bool {
-        self.monitor.is_sound(self.max_voltage_v) && (0.0..=self.max_voltage_v).contains(&self.armed_for_v)
+        self.monitor.is_sound(self.max_voltage_v)
+            && [self.max_voltage_v, self.self_test_v()].contains(&self.armed_for_v)
     }
 
     /// The state.
@@ -300,12 +305,16 @@ impl Supervisor {
     /// As [`arm`](Self::arm), without that of the self-test.
     pub fn arm_for_self_test(&mut self) -> Result<(), Refusal> {
         self.refusals().find(|&refusal| refusal != Refusal::SelfTest).map_or(Ok(()), Err)?;
-        self.enable(self.max_voltage_v.min(Self::SELF_TEST_V));
+        self.enable(self.self_test_v());
         Ok(())
     }
 
     /// Largest voltage of a self-test, V: enough to be seen at the monitor, too little to move a film.
     pub const SELF_TEST_V: f32 = 500.0;
+
+    fn self_test_v(&self) -> f32 {
+        self.max_voltage_v.min(Self::SELF_TEST_V)
+    }
 
     fn enable(&mut self, armed_for_v: f32) {
         self.armed_for_v = armed_for_v;
@@ -318,7 +327,7 @@ impl Supervisor {
     /// Reasons that keep it from being armed now, all of them.
     pub fn refusals(&self) -> impl Iterator<Item = Refusal> + use<> {
         let is_live = !self.is_at_0_v() || self.missing_at_0_v > 0;
-        let fault = self.last_fault.filter(|_| self.on_sensor_fault == OnSensorFault::Trip);
+        let fault = self.last_fault.filter(|_| self.on_sensor_fault != OPENS_LOOP);
         [
             (self.state != DriverState::Disarmed).then_some(Refusal::State(self.state)),
             (!self.interlock_closed).then_some(Refusal::InterlockOpen),
@@ -422,7 +431,7 @@ impl Supervisor {
         let displacement_m = if self.last_fault.is_none() { readings.displacement_m } else { readings.predicted_m };
         let shown_m = readings.displacement_m;
         let agrees = self.monitor.agrees(self.command_v, readings.monitor_v);
-        let trips = matches!(self.on_sensor_fault, OnSensorFault::Trip);
+        let trips = self.on_sensor_fault != OPENS_LOOP;
         let cause = match self.last_fault {
             _ if !readings.interlock_closed => Some(Cause::Interlock),
             _ if readings.monitor_v > self.monitored_v => Some(Cause::Voltage),
