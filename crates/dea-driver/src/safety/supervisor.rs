@@ -88,7 +88,7 @@ pub struct Supervisor {
     max_displacement_m: f32,
     max_disturbance_share: f32,
     live_v: f32,
-    /// [`OPENS_LOOP`], or it trips. A number, of which every bit counts: an enum that is none of its variants need not trip.
+    /// [`OPENS_LOOP`], or it trips. A number, of which every bit counts: an enum with a value of no variant need not trip.
     on_sensor_fault: u32,
     heartbeat_ticks: u32,
     ticks_since_heartbeat: u32,
