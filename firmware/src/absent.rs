@@ -2,10 +2,9 @@
 
 use dea_driver::wire::{InjectedFault, Inspection, Part};
 use dea_driver::{AmplifierError, Controller, Drive, Inputs};
-use stm32f4xx_hal::pac::{SPI1, SPI2};
 use stm32f4xx_hal::rcc::Rcc;
 
-use crate::outputs::Pins;
+use crate::board::Pins;
 
 /// There is no bus.
 pub type AdcBus = ();
@@ -19,7 +18,7 @@ pub fn inject_fault(_: InjectedFault) -> bool {
 pub struct Bench;
 
 impl Bench {
-    pub fn new(_: SPI1, _: SPI2, _: Pins, _: &'static mut Option<AdcBus>, _: &mut Rcc) -> Self {
+    pub fn new(_: Pins, _: &'static mut Option<AdcBus>, _: &mut Rcc) -> Self {
         Self
     }
 

@@ -4,23 +4,23 @@
 mod tasks {
     use cortex_m::peripheral::SCB;
     use dea_driver::server::{FlightRecorder, Session, StartError};
-    use dea_driver::wire::{FRAME_LEN, Message, boards, encode};
+    use dea_driver::wire::{FRAME_LEN, Message, encode};
     use dea_driver::{Cause, Device, Drive, DriverState, Store, StoreError};
     use heapless::spsc::{Consumer, Producer, Queue};
-    use stm32f4xx_hal::gpio::{Output, PC12, PinState};
     use stm32f4xx_hal::hal_02::serial::Write;
     use stm32f4xx_hal::pac::{DBGMCU, Interrupt, USART2};
     use stm32f4xx_hal::prelude::*;
     use stm32f4xx_hal::serial::{Event, Serial};
     use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
+    use crate::background::{self, Background, FlightMemory, Ticker};
     use crate::bench::{AdcBus, Bench};
-    use crate::board::{self, Background, FlightMemory, Ticker};
+    use crate::board::{self, DARK, Light};
     use crate::clock::{self, Captures, Clocks, Watch};
     use crate::flash::ParameterFlash;
     use crate::machine;
-    use crate::outputs::{self, Pins};
     use crate::panic::Message as PanicMessage;
+    use crate::parts::Parts;
     use crate::reset;
     use crate::serial;
 
@@ -42,7 +42,7 @@ mod tasks {
     struct Local {
         bench: Bench,
         debug: DBGMCU,
-        led: PC12<Output>,
+        led: Light,
         captures: Captures,
         watch: Watch,
         serial: Serial<USART2>,
@@ -66,37 +66,46 @@ mod tasks {
         let panic_message = PanicMessage::take();
         let mut latched = reset::cause(&chip.RCC, &panic_message);
         let avoid = panic_message.as_str().starts_with(clock::PANIC);
-        let Clocks { mut rcc, fault, captures, watch } = clock::start(chip.RCC, chip.TIM5, avoid);
+        let Clocks { mut rcc, fault, captures, watch } = clock::start(chip.RCC, chip.TIM5, board::CRYSTAL_HZ, avoid);
 
         // The amplifier's enable output is low before anything else is set up.
-        let (enable, led, interlock) = outputs::start(chip.GPIOC, &mut rcc);
+        let parts = Parts {
+            gpioa: chip.GPIOA,
+            gpiob: chip.GPIOB,
+            gpioc: chip.GPIOC,
+            gpiod: chip.GPIOD,
+            gpioe: chip.GPIOE,
+            spi1: chip.SPI1,
+            spi2: chip.SPI2,
+            adc1: chip.ADC1,
+            adc2: chip.ADC2,
+            adc_common: chip.ADC_COMMON,
+            dac: chip.DAC,
+        };
+        let (led, (tx, rx), pins) = board::start(parts, &mut rcc);
 
         let core_hz = machine::core_hz(&rcc);
         defmt::info!("firmware {}, core at {} Hz", env!("CARGO_PKG_VERSION"), core_hz);
         latched = latched.or(fault.and_then(machine::report));
 
-        let gpioa = chip.GPIOA.split(&mut rcc);
-        let adc = (gpioa.pa5, gpioa.pa6, gpioa.pa7);
-        let pins = Pins { enable, interlock, adc, port_b: chip.GPIOB.split(&mut rcc) };
-        let bench = Bench::new(chip.SPI1, chip.SPI2, pins, cx.local.adc_bus, &mut rcc);
+        let bench = Bench::new(pins, cx.local.adc_bus, &mut rcc);
 
-        let Ok(serial) = serial::open(chip.USART2, gpioa.pa2, gpioa.pa3, &mut rcc) else {
+        let Ok(serial) = serial::open(chip.USART2, tx, rx, &mut rcc) else {
             panic!("the clock is too slow for the link")
         };
         let (rx, received) = cx.local.incoming.split();
         let (sending, tx) = cx.local.outgoing.split();
 
         latched = latched.or(reset::check_option_bytes(&chip.FLASH));
-        let Ok(store) = Store::with_converters(ParameterFlash::new(chip.FLASH), boards::STM32F405, board::CONVERTERS)
-        else {
+        let Ok(store) = Store::with_converters(ParameterFlash::new(chip.FLASH), board::ID, board::CONVERTERS) else {
             panic!("two sectors hold two slots")
         };
         let mut watchdog = IndependentWatchdog::new(chip.IWDG);
         let debug = chip.DBGMCU;
-        board::outlive_debugger(&debug);
-        board::watch(&mut watchdog);
+        background::outlive_debugger(&debug);
+        background::watch(&mut watchdog);
         let ticker = Ticker::start(cx.core.SYST, core_hz, RATE_HZ);
-        let shared = Shared { device: Device::new(latched), watchdog, recorder: board::flight_recorder() };
+        let shared = Shared { device: Device::new(latched), watchdog, recorder: background::flight_recorder() };
         (
             shared,
             Local {
@@ -122,7 +131,7 @@ mod tasks {
     fn tick(mut cx: tick::Context) {
         let tick::LocalResources { bench, debug, led, watch, micros, .. } = cx.local;
         machine::begin_tick();
-        board::outlive_debugger(debug);
+        background::outlive_debugger(debug);
         let (state, is_served, rate_hz, record) = cx.shared.device.lock(|device| {
             bench.prepare(device.controller());
             let drive = device.tick(bench.sample());
@@ -139,7 +148,7 @@ mod tasks {
             if let Some(cause) = watch.check(device.rate_hz(), machine::report) {
                 device.latch(cause);
             }
-            let is_served = device.background_is_alive() && !board::is_watchdog_expiring();
+            let is_served = device.background_is_alive() && !background::is_watchdog_expiring();
             (device.state(), is_served, device.rate_hz(), device.flight_record())
         });
         if let Some(record) = record {
@@ -147,7 +156,7 @@ mod tasks {
         }
 
         // Lit while the amplifier is enabled; lit with short gaps while the film is live although it is not; slow when disarmed,
-        // fast when tripped, in the same time at every rate. The light hangs between supply and pin.
+        // fast when tripped, in the same time at every rate.
         *micros = micros.wrapping_add((1e6 / rate_hz) as u32);
         let dark = match state {
             DriverState::Armed | DriverState::Running => false,
@@ -155,7 +164,7 @@ mod tasks {
             DriverState::Tripped(Cause::LiveFilm) => *micros & 0xf << 15 == 0,
             DriverState::Tripped(_) => *micros & 1 << 16 == 0,
         };
-        led.set_state(PinState::from(dark));
+        led.set_state(if dark { DARK } else { !DARK });
         // Last, and only if the background still serves the host.
         if is_served {
             cx.shared.watchdog.lock(IndependentWatchdog::feed);
@@ -175,7 +184,7 @@ mod tasks {
         if let Some(byte) = machine::received(serial)
             && rx.enqueue(byte).is_err()
         {
-            board::lose_byte();
+            background::lose_byte();
         }
         if serial.is_tx_empty() {
             match tx.dequeue() {
@@ -195,7 +204,7 @@ mod tasks {
         let idle::LocalResources { received, sending, store, ticker, panic_message, .. } = cx.local;
         let idle::SharedResources { device, watchdog, recorder, .. } = cx.shared;
         let mut board =
-            Background { device, watchdog, store, ticker, panic_message, recorder, program: board::program() };
+            Background { device, watchdog, store, ticker, panic_message, recorder, program: background::program() };
         let mut session = Session::new(env!("CARGO_PKG_VERSION"));
         match session.begin(&mut board) {
             Ok(()) => defmt::info!("runs the parameters that it keeps"),

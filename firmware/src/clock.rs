@@ -8,8 +8,6 @@ use stm32f4xx_hal::pac::{RCC, TIM5, rcc};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{BusTimerClock, Config, Rcc};
 
-/// The crystal, Hz.
-const CRYSTAL_HZ: u32 = 8_000_000;
 /// The core, Hz.
 pub const CORE_HZ: u32 = 168_000_000;
 /// The internal oscillator, Hz.
@@ -56,12 +54,13 @@ pub struct Clocks {
     pub watch: Watch,
 }
 
-/// Sets the clocks, and says if they are not what they should be. `avoid`: the crystal was at fault in the last run.
+/// Sets the clocks for a crystal of `crystal_hz`, a multiple of 2 MHz, and says if they are not what they should be. `avoid`: the crystal was at fault
+/// in the last run.
 ///
 /// The waits of the library have no end, so what it will wait for is seen to come first. The crystal is compared with the internal
 /// oscillator before the loop multiplies it: a loop on another one is beyond its limits, and the core with it.
-pub fn start(rcc: RCC, timer: TIM5, avoid: bool) -> Clocks {
-    let (rcc, fault, expected) = set(rcc.constrain(), &timer, avoid);
+pub fn start(rcc: RCC, timer: TIM5, crystal_hz: u32, avoid: bool) -> Clocks {
+    let (rcc, fault, expected) = set(rcc.constrain(), &timer, crystal_hz, avoid);
     MEASURED.store(0, Ordering::Relaxed);
     if expected.is_some() {
         rcc.apb1enr().modify(|_, w| w.tim5en().set_bit());
@@ -73,7 +72,7 @@ pub fn start(rcc: RCC, timer: TIM5, avoid: bool) -> Clocks {
 }
 
 /// Sets the clocks: with what is wrong, and the counts of the timer over 128 periods of the slow oscillator as they will be.
-fn set(rcc: Rcc, timer: &TIM5, avoid: bool) -> (Rcc, Option<ClockFault>, Option<f32>) {
+fn set(rcc: Rcc, timer: &TIM5, crystal_hz: u32, avoid: bool) -> (Rcc, Option<ClockFault>, Option<f32>) {
     if avoid {
         return on_internal(rcc, timer, ClockFault::LastRun);
     }
@@ -82,25 +81,25 @@ fn set(rcc: Rcc, timer: &TIM5, avoid: bool) -> (Rcc, Option<ClockFault>, Option<
         return on_internal(rcc, timer, ClockFault::Crystal);
     }
     let before = slow_period(&rcc, timer);
-    let rcc = rcc.freeze(Config::hse(CRYSTAL_HZ.Hz()));
+    let rcc = rcc.freeze(Config::hse(crystal_hz.Hz()));
     let after = slow_period(&rcc, timer);
     let hz = |rcc: &Rcc| TIM5::timer_clock(&rcc.clocks).raw() as f32;
-    let crystal_hz = hz(&rcc);
+    let timer_hz = hz(&rcc);
     // A crystal of another frequency would stretch every time that the limits state.
     let mut fault = Some(ClockFault::Slow);
     if let (Some(before), Some(after)) = (before, after) {
-        let expected = before as f32 * (crystal_hz / INTERNAL_HZ);
+        let expected = before as f32 * (timer_hz / INTERNAL_HZ);
         let off = (after as f32 / expected - 1.0).abs();
-        assert!(off <= TOLERANCE, "{PANIC}: another crystal than 8 MHz");
+        assert!(off <= TOLERANCE, "{PANIC}: another crystal than {} MHz", crystal_hz / 1_000_000);
         fault = None;
     }
-    if !loop_locks(&rcc) {
+    if !loop_locks(&rcc, crystal_hz) {
         return on_internal(rcc, timer, ClockFault::Loop);
     }
-    let rcc = rcc.freeze(Config::hse(CRYSTAL_HZ.Hz()).sysclk(CORE_HZ.Hz()));
+    let rcc = rcc.freeze(Config::hse(crystal_hz.Hz()).sysclk(CORE_HZ.Hz()));
     // From now on a crystal that stops ends in a non-maskable interrupt.
     rcc.cr().modify(|_, w| w.csson().set_bit());
-    let expected = after.map(|after| after as f32 * (hz(&rcc) / crystal_hz));
+    let expected = after.map(|after| after as f32 * (hz(&rcc) / timer_hz));
     (rcc, fault, expected)
 }
 
@@ -112,13 +111,13 @@ fn on_internal(rcc: Rcc, timer: &TIM5, fault: ClockFault) -> (Rcc, Option<ClockF
     (rcc, Some(fault), expected)
 }
 
-/// Whether the loop locks as it will run: 8 MHz / 4 × 168 / 2 = 168 MHz. At its reset values it would have 0.5 MHz where it needs 1 to
+/// Whether the loop locks as it will run: with a crystal of 8 MHz 8 MHz / 4 × 168 / 2 = 168 MHz. At its reset values it would have 0.5 MHz where it needs 1 to
 /// 2, and make 96 MHz where it makes 100 at least. It is off again afterwards.
-fn loop_locks(rcc: &RCC) -> bool {
+fn loop_locks(rcc: &RCC, crystal_hz: u32) -> bool {
     rcc.pllcfgr().modify(|_, w| {
         w.pllsrc().hse();
-        // SAFETY: the crystal by 4 is 2 MHz, by 168 336 MHz, and by 7 48 MHz: within what the reference manual allows.
-        unsafe { w.pllm().bits(4).plln().bits(168).pllq().bits(7) };
+        // SAFETY: the crystal by this is 2 MHz, by 168 336 MHz, and by 7 48 MHz: within what the reference manual allows.
+        unsafe { w.pllm().bits((crystal_hz / 2_000_000) as u8).plln().bits(168).pllq().bits(7) };
         w.pllp().div2()
     });
     rcc.cr().modify(|_, w| w.pllon().set_bit());

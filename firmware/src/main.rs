@@ -19,14 +19,17 @@
 
 use defmt_rtt as _;
 
+use board as bench;
+
 mod app;
-mod bench;
+mod background;
+#[path = "boards/stm32_h405.rs"]
 mod board;
 mod clock;
 mod flash;
 #[path = "chip.rs"]
 mod machine;
-mod outputs;
 mod panic;
+mod parts;
 mod reset;
 mod serial;

@@ -10,9 +10,8 @@ use core::ptr::addr_of_mut;
 use cortex_m::interrupt;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use stm32f4xx_hal::pac::GPIOC;
 
-use crate::clock;
+use crate::{board, clock};
 
 /// Marks a record, unlike the memory's contents after power-up.
 const MAGIC: u32 = 0x7061_6e69;
@@ -93,8 +92,8 @@ impl Write for Record {
 #[panic_handler]
 fn panic(info: &PanicInfo) -> ! {
     interrupt::disable();
-    // SAFETY: nothing else runs any more. The enable output, PC6, is low before anything else is tried.
-    unsafe { &*GPIOC::ptr() }.bsrr().write(|w| w.br6().set_bit());
+    // The enable output is low before anything else is tried.
+    board::disable();
     let mut record = Record { magic: MAGIC, length: 0, complement: 0, text: [0; 200] };
     // It takes whatever fits.
     let _ = write!(record, "{}", info.message());
@@ -102,7 +101,7 @@ fn panic(info: &PanicInfo) -> ! {
         let _ = write!(record, " at {}:{}", place.file(), place.line());
     }
     record.complement = !record.length;
-    // SAFETY: as above.
+    // SAFETY: nothing else runs any more.
     unsafe { addr_of_mut!(RECORD).cast::<Record>().write_volatile(record) };
     SCB::sys_reset()
 }

@@ -5,14 +5,17 @@
 use defmt_semihosting as _;
 
 mod app;
+mod background;
 #[path = "absent.rs"]
 mod bench;
+#[allow(dead_code)] // its converters are not there
+#[path = "boards/stm32_h405.rs"]
 mod board;
 mod clock;
 mod flash;
 #[path = "emulated.rs"]
 mod machine;
-mod outputs;
 mod panic;
+mod parts;
 mod reset;
 mod serial;

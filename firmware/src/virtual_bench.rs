@@ -7,11 +7,10 @@ use core::sync::atomic::{AtomicU8, Ordering};
 use dea_driver::chips::{AdcCode, AdcRange};
 use dea_driver::wire::{InjectedFault, Inspection, Part};
 use dea_driver::{AmplifierError, Controller, Drive, Inputs};
-use stm32f4xx_hal::pac::{SPI1, SPI2};
 use stm32f4xx_hal::rcc::Rcc;
 
+use crate::board::Pins;
 use crate::film::Film;
-use crate::outputs::Pins;
 
 /// The fault to inject: its place in [`FAULTS`], from 1; 0 for no fault.
 static REQUESTED: AtomicU8 = AtomicU8::new(0);
@@ -57,7 +56,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    pub fn new(_: SPI1, _: SPI2, _: Pins, _: &'static mut Option<AdcBus>, _: &mut Rcc) -> Self {
+    pub fn new(_: Pins, _: &'static mut Option<AdcBus>, _: &mut Rcc) -> Self {
         defmt::warn!("virtual board: a simulated film instead of pins and converters, and faults on request");
         let found = Inspection {
             interlock_closed: true,

@@ -12,16 +12,16 @@ pub mod panic;
 mod trap;
 pub mod wires;
 
-#[path = "../../../firmware/src/bench.rs"]
-pub mod bench;
 #[path = "../../../firmware/src/clock.rs"]
 pub mod clock;
-#[path = "../../../firmware/src/outputs.rs"]
-pub mod outputs;
+#[path = "../../../firmware/src/parts.rs"]
+pub mod parts;
 #[path = "../../../firmware/src/reset.rs"]
 pub mod reset;
 #[path = "../../../firmware/src/serial.rs"]
 pub mod serial;
+#[path = "../../../firmware/src/boards/stm32_h405.rs"]
+pub mod stm32_h405;
 
 pub use log::Format;
 pub use stm32f4xx_hal as hal;

@@ -1,4 +1,4 @@
-//! `firmware/src/bench.rs`: frames on the buses, and pins. With the converters' models: `converters.rs`.
+//! `firmware/src/boards/stm32_h405.rs`: frames on the buses, and pins. With the converters' models: `converters.rs`.
 
 use board_on_host::board::Board;
 use board_on_host::chip::gpio::Pin;

@@ -3,11 +3,11 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use board_on_host::bench::Bench;
 use board_on_host::board::Board;
 use board_on_host::chip::gpio::Pin;
 use board_on_host::chip::rcc::Oscillators;
 use board_on_host::hal::rcc::Config;
+use board_on_host::stm32_h405::Bench;
 use converter_chips::{Ad5754, Ads868x, Rule, Variant};
 use dea_driver::chips::CommandRange;
 use dea_driver::{AmplifierError, Drive, Inputs};

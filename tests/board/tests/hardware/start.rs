@@ -1,11 +1,13 @@
 //! The firmware's start, from the clocks on, in its order.
 
-use board_on_host::bench::{Bench, Pins};
 use board_on_host::board::Board;
 use board_on_host::clock::CORE_HZ;
+use board_on_host::hal::pac::Peripherals;
 use board_on_host::hal::prelude::*;
 use board_on_host::hal::rcc::Config;
-use board_on_host::{outputs, serial};
+use board_on_host::parts::Parts;
+use board_on_host::serial;
+use board_on_host::stm32_h405::{self, Bench};
 
 /// The crystal's clocks, set without a look at the crystal, which takes 60 000 accesses.
 pub fn crystal() -> Config {
@@ -20,12 +22,26 @@ pub fn start(board: &Board) -> Bench {
 pub fn start_on(board: &Board, clocks: Config) -> Bench {
     let chip = board.peripherals();
     let mut rcc = chip.RCC.freeze(clocks);
-    let (enable, _, interlock) = outputs::start(chip.GPIOC, &mut rcc);
-    let port_a = chip.GPIOA.split(&mut rcc);
-    let adc = (port_a.pa5, port_a.pa6, port_a.pa7);
-    let pins = Pins { enable, interlock, adc, port_b: chip.GPIOB.split(&mut rcc) };
-    let bench = Bench::new(chip.SPI1, chip.SPI2, pins, Box::leak(Box::new(None)), &mut rcc);
-    let link = serial::open(chip.USART2, port_a.pa2, port_a.pa3, &mut rcc);
+    let (_, (tx, rx), pins) = stm32_h405::start(parts(board.peripherals()), &mut rcc);
+    let bench = Bench::new(pins, Box::leak(Box::new(None)), &mut rcc);
+    let link = serial::open(chip.USART2, tx, rx, &mut rcc);
     assert!(link.is_ok(), "the clock is too slow for the link");
     bench
+}
+
+/// What a board may use of the chip.
+fn parts(chip: Peripherals) -> Parts {
+    Parts {
+        gpioa: chip.GPIOA,
+        gpiob: chip.GPIOB,
+        gpioc: chip.GPIOC,
+        gpiod: chip.GPIOD,
+        gpioe: chip.GPIOE,
+        spi1: chip.SPI1,
+        spi2: chip.SPI2,
+        adc1: chip.ADC1,
+        adc2: chip.ADC2,
+        adc_common: chip.ADC_COMMON,
+        dac: chip.DAC,
+    }
 }

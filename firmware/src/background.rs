@@ -6,33 +6,22 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
-use dea_driver::chips::{Ceilings, Converters};
 use dea_driver::server::{Board, FlightRecorder, FlightSlot, Image};
-use dea_driver::wire::{FlightRecord, InjectedFault, boards};
+use dea_driver::wire::{FlightRecord, InjectedFault};
 use dea_driver::{Device, Store, StoreError};
 use rtic::Mutex;
 use stm32f4xx_hal::pac::{DBGMCU, IWDG};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
+use crate::board::{self, CYCLES_PER_TICK};
 use crate::flash::ParameterFlash;
 use crate::panic::{self, Message};
-
-/// Converters of the board, and its hard ceilings: no blob and no upload allows more. **Set them for the bench that this image is for**, from what its
-/// film, its clamp and its people withstand; here they are those of the largest usual bench.
-pub const CONVERTERS: Converters = Converters {
-    ceilings: Ceilings { voltage_v: 10e3, field_v_per_m: 2e8, stroke_m: 20e-3 },
-    ..Converters::AD5754_ADS868X
-};
 
 /// The slowest tick, Hz: the counter has 24 bits, and the watchdog waits for 50 ms.
 pub const MIN_RATE_HZ: f32 = 100.0;
 /// The fastest, Hz.
 const MAX_RATE_HZ: f32 = 5000.0;
-/// Cycles from tick to tick at the least: on the internal oscillator, at 16 MHz, the fastest is slower. There the controller takes some
-/// 3 200 cycles and the 112 bits to and from the converters 450, at 168 MHz 3 600; the tick that enables reads back and takes 400 bits. A tick may wait for
-/// a part of the check of the memory, some 4 000.
-const CYCLES_PER_TICK: f32 = 9600.0;
 /// For so long the tick may not come, ms, give or take what the watchdog's own oscillator (17 to 47 kHz) is off: 33 to 95 ms.
 const WATCHDOG_MS: u32 = 50;
 /// For so long the flash may hold up everything, ms: erasing 16 KiB takes 0.8 s at the most.
@@ -156,7 +145,7 @@ where
     F: Mutex<T = FlightRecorder<FlightMemory>>,
 {
     type Flash = ParameterFlash;
-    const ID: u16 = boards::STM32F405;
+    const ID: u16 = board::ID;
 
     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
         let reload = SYST::get_reload() + 1;

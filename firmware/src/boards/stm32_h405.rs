@@ -1,18 +1,44 @@
-//! The bench on the board's pins: amplifier, sensors, interlock, light. `docs/wiring.md` shows it.
+//! Olimex STM32-H405, and other boards with an STM32F405RG and a crystal of 8 MHz: an AD5754 and two ADS868x on SPI. `docs/wiring.md` shows the
+//! bench on its pins.
 
-use dea_driver::chips::{AdcRange, CommandRange, Reference};
-use dea_driver::wire::{InjectedFault, Inspection, Part};
+use dea_driver::chips::{AdcRange, Ceilings, CommandRange, Converters, Reference};
+use dea_driver::wire::{InjectedFault, Inspection, Part, boards};
 use dea_driver::{AdcError, Ads868x, Amplifier, AmplifierError, Controller, Drive, Inputs};
 use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice, NoDelay};
 use embedded_hal_bus::util::AtomicCell;
-use stm32f4xx_hal::gpio::{Input, Output, PB0, PB1, PB12, PC6, PC7, PinState, Speed};
+use stm32f4xx_hal::gpio::{Input, Output, PA2, PA3, PB0, PB1, PB12, PC6, PC7, PC12, PinState, Speed, gpioa, gpiob};
 use stm32f4xx_hal::hal::spi::{MODE_0, MODE_1};
 use stm32f4xx_hal::pac::{GPIOC, SPI1, SPI2};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Rcc;
 use stm32f4xx_hal::spi::Spi;
 
-pub use crate::outputs::Pins;
+use crate::parts::Parts;
+
+/// Its number.
+pub const ID: u16 = boards::STM32F405;
+
+/// Its crystal, Hz.
+pub const CRYSTAL_HZ: u32 = 8_000_000;
+
+/// Converters of the board, and its hard ceilings: no blob and no upload allows more. **Set them for the bench that this image is for**, from what its
+/// film, its clamp and its people withstand; here they are those of the largest usual bench.
+pub const CONVERTERS: Converters = Converters {
+    ceilings: Ceilings { voltage_v: 10e3, field_v_per_m: 2e8, stroke_m: 20e-3 },
+    ..Converters::AD5754_ADS868X
+};
+
+/// Cycles from tick to tick at the least: on the internal oscillator, at 16 MHz, the fastest is slower. There the controller takes some
+/// 3 200 cycles and the 112 bits to and from the converters 450, at 168 MHz 3 600; the tick that enables reads back and takes 400 bits. A tick may wait for
+/// a part of the check of the memory, some 4 000.
+pub const CYCLES_PER_TICK: f32 = 9600.0;
+
+/// The light hangs between supply and pin.
+pub const DARK: PinState = PinState::High;
+pub type Light = PC12<Output>;
+
+/// The link's pins: out, in.
+pub type Link = (PA2, PA3);
 
 /// Clock of both buses, Hz: 42 MHz by 8, and 84 MHz by 16. The DAC reads back at up to 17 MHz; the wires are meant for 10 MHz, and the
 /// next step is 10.5 MHz.
@@ -25,6 +51,36 @@ const DAC_REFERENCE: Reference = Reference::External;
 pub type AdcBus = AtomicCell<Spi<SPI1>>;
 type Adc<CS> = Ads868x<AtomicDevice<'static, Spi<SPI1>, CS, NoDelay>>;
 type Dac = ExclusiveDevice<Spi<SPI2>, PB12<Output>, NoDelay>;
+
+/// Lowers the enable output, whoever owns it.
+pub fn disable() {
+    // SAFETY: the register sets and clears single pins.
+    unsafe { &*GPIOC::ptr() }.bsrr().write(|w| w.br6().set_bit());
+}
+
+/// The pins of the bench, as they are after a reset, but for the enable output, which is low, and their peripherals.
+pub struct Pins {
+    enable: PC6<Output>,
+    interlock: PC7,
+    /// Clock, MISO and MOSI of the ADCs.
+    adc: (gpioa::PA5, gpioa::PA6, gpioa::PA7),
+    /// Chip selects, and the DAC's bus.
+    port_b: gpiob::Parts,
+    spi1: SPI1,
+    spi2: SPI2,
+}
+
+/// The amplifier's enable output, low, before anything else is set up, and then the light, dark. The other pins stay as they are.
+pub fn start(parts: Parts, rcc: &mut Rcc) -> (Light, Link, Pins) {
+    let port_c = parts.gpioc.split(rcc);
+    let enable = port_c.pc6.into_push_pull_output_in_state(PinState::Low);
+    let light = port_c.pc12.into_push_pull_output_in_state(DARK);
+    let port_a = parts.gpioa.split(rcc);
+    let adc = (port_a.pa5, port_a.pa6, port_a.pa7);
+    let port_b = parts.gpiob.split(rcc);
+    let pins = Pins { enable, interlock: port_c.pc7, adc, port_b, spi1: parts.spi1, spi2: parts.spi2 };
+    (light, (port_a.pa2, port_a.pa3), pins)
+}
 
 /// Refuses to inject a fault: this bench is real.
 pub fn inject_fault(_: InjectedFault) -> bool {
@@ -45,8 +101,8 @@ impl Bench {
     ///
     /// Clock and data pads have the highest speed: at the lowest, which they come with, the clock that comes back from its pad is late
     /// for the last bit of every received byte. What no chip drives reads 0.
-    pub fn new(spi1: SPI1, spi2: SPI2, pins: Pins, adc_bus: &'static mut Option<AdcBus>, rcc: &mut Rcc) -> Self {
-        let Pins { enable, interlock, adc, port_b: gpiob } = pins;
+    pub fn new(pins: Pins, adc_bus: &'static mut Option<AdcBus>, rcc: &mut Rcc) -> Self {
+        let Pins { enable, interlock, adc, port_b: gpiob, spi1, spi2 } = pins;
         let sck = gpiob.pb13.into_alternate().speed(Speed::VeryHigh);
         let miso = gpiob.pb14.into_alternate().speed(Speed::VeryHigh).internal_pull_down(true);
         let mosi = gpiob.pb15.into_alternate().speed(Speed::VeryHigh);

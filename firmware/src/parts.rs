@@ -1,0 +1,19 @@
+//! What a board may use of the chip. Clocks, timer of the ticks, link, flash and watchdog belong to the application.
+
+use stm32f4xx_hal::pac::{ADC_COMMON, ADC1, ADC2, DAC, GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, SPI1, SPI2};
+
+/// Peripherals for the pins and the converters of a board.
+#[allow(dead_code)] // no board uses all of them
+pub struct Parts {
+    pub gpioa: GPIOA,
+    pub gpiob: GPIOB,
+    pub gpioc: GPIOC,
+    pub gpiod: GPIOD,
+    pub gpioe: GPIOE,
+    pub spi1: SPI1,
+    pub spi2: SPI2,
+    pub adc1: ADC1,
+    pub adc2: ADC2,
+    pub adc_common: ADC_COMMON,
+    pub dac: DAC,
+}
