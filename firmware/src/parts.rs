@@ -1,4 +1,4 @@
-//! What a board may use of the chip. Clocks, timer of the ticks, link, flash and watchdog belong to the application.
+//! The peripherals that a board may use. Clocks, timer of the ticks, link, flash and watchdog belong to the application.
 
 use stm32f4xx_hal::pac::{ADC_COMMON, ADC1, ADC2, DAC, GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, SPI1, SPI2};
 

@@ -3,7 +3,7 @@
 
 use std::error::Error;
 
-use dea_driver::chips::{Calibration, Ceilings, Converters};
+use dea_driver::chips::{Calibration, Ceilings, Converters, Resolution};
 use dea_driver::{
     Blob, Control, Controller, DriverState, Inputs, Limits, Mode, Outputs, Parameters, PlausibilityLimits,
 };
@@ -21,6 +21,7 @@ const CONVERTERS: Converters = Converters {
     command_v: Some(DAC_V),
     monitor_v: ADC_V * (4095.0 / 4096.0),
     sensor_v: ADC_V * (4095.0 / 4096.0),
+    resolution: Resolution::bits(12),
     ceilings: Ceilings { voltage_v: 6.25e3, field_v_per_m: 6e7, stroke_m: 8e-3 },
 };
 
@@ -43,7 +44,7 @@ fn parameters(law: &Law<f32>, actuator: Actuator) -> Parameters {
         sensor: Calibration::Parabola { offset: -1.5e-3, gain: 3e-3, quadratic: 0.0 },
         limits: Limits {
             max_displacement_m: 6e-3,
-            sensor: PlausibilityLimits { low: -1e-3, high: 8e-3, ..limits.sensor },
+            sensor: PlausibilityLimits { low: -1e-3, high: 8e-3, stuck_band: 3e-6, ..limits.sensor },
             ..limits
         },
         control: Control { bandwidth_hz: 0.5, ..Control::BENCH },

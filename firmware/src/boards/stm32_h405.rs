@@ -52,7 +52,7 @@ pub type AdcBus = AtomicCell<Spi<SPI1>>;
 type Adc<CS> = Ads868x<AtomicDevice<'static, Spi<SPI1>, CS, NoDelay>>;
 type Dac = ExclusiveDevice<Spi<SPI2>, PB12<Output>, NoDelay>;
 
-/// Lowers the enable output, whoever owns it.
+/// Lowers the enable output by its register, for a panic.
 pub fn disable() {
     // SAFETY: the register sets and clears single pins.
     unsafe { &*GPIOC::ptr() }.bsrr().write(|w| w.br6().set_bit());

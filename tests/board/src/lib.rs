@@ -14,6 +14,8 @@ pub mod wires;
 
 #[path = "../../../firmware/src/clock.rs"]
 pub mod clock;
+#[path = "../../../firmware/src/on_chip.rs"]
+pub mod on_chip;
 #[path = "../../../firmware/src/parts.rs"]
 pub mod parts;
 #[path = "../../../firmware/src/reset.rs"]
@@ -22,6 +24,8 @@ pub mod reset;
 pub mod serial;
 #[path = "../../../firmware/src/boards/stm32_h405.rs"]
 pub mod stm32_h405;
+#[path = "../../../firmware/src/boards/stm32f407_discovery.rs"]
+pub mod stm32f407_discovery;
 
 pub use log::Format;
 pub use stm32f4xx_hal as hal;

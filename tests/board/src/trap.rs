@@ -12,8 +12,9 @@ use libc::{siginfo_t, ucontext_t};
 
 use crate::chip::Chip;
 
-/// Addresses of the chip, with their lengths: peripherals on APB1, APB2 and AHB1; the same, bit by bit; the core's own.
-const REGIONS: [(usize, usize); 3] = [(0x4000_0000, 0x8_0000), (0x4200_0000, 0x100_0000), (0xe000_0000, 0x10_0000)];
+/// Addresses of the chip, with their lengths: the factory's values; peripherals on APB1, APB2 and AHB1; the same, bit by bit; the core's own.
+const REGIONS: [(usize, usize); 4] =
+    [(0x1fff_7000, 0x1000), (0x4000_0000, 0x8_0000), (0x4200_0000, 0x100_0000), (0xe000_0000, 0x10_0000)];
 const PAGE: usize = 4096;
 /// The processor traps after the next instruction.
 const TRAP_FLAG: i64 = 1 << 8;
@@ -42,6 +43,11 @@ unsafe impl Send for Machine {}
 impl Machine {
     pub fn new(chip: Chip, left: u64) -> Self {
         Self { chip, left, step: None }
+    }
+
+    /// Accesses are counted anew.
+    pub fn allow(&mut self, accesses: u64) {
+        self.left = accesses;
     }
 }
 

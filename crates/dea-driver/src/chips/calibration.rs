@@ -137,6 +137,7 @@ impl Calibration {
     }
 
     /// Largest change of the quantity per volt, from 0 V to `full_scale_v`.
+    #[inline(never)] // three instruments
     pub(crate) fn steepest(&self, full_scale_v: f32) -> f32 {
         match self {
             &Self::Parabola { gain, quadratic, .. } => gain.max(gain + 2.0 * quadratic * full_scale_v),

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::chips::boards;
+
 /// Full scale of the amplifier's command, V at the DAC's output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -116,16 +118,77 @@ pub struct Converters {
     pub monitor_v: f32,
     /// The same for the ADC of the displacement sensor, V.
     pub sensor_v: f32,
+    /// How coarse they are.
+    pub resolution: Resolution,
     /// Largest values that the board allows, whatever its parameters state.
     pub ceilings: Ceilings,
 }
 
+/// How coarse the converters of a board are: what they do not distinguish, noise included, as shares of their full scales. Limits that are finer
+/// cannot be kept, and [`Parameters`](crate::Parameters) with such limits are refused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Resolution {
+    /// Share of the full scale of the amplifier's command.
+    pub command: f32,
+    /// Share of the full scale of the voltage monitor's ADC; 0: finer than any limit.
+    pub monitor: f32,
+    /// Share of the full scale of the displacement sensor's ADC; 0: finer than any limit.
+    pub sensor: f32,
+    /// Share by which a reference that all converters have in common may be off, so that command and monitor agree and both are wrong; 0: they
+    /// have none in common. The ceilings are lower by as much.
+    pub reference: f32,
+}
+
+impl Resolution {
+    /// An AD5754 and ADCs finer than any limit, with references of their own.
+    pub const AD5754_ADS868X: Self = Self { command: 1.0 / 65_536.0, monitor: 0.0, sensor: 0.0, reference: 0.0 };
+
+    /// One step of converters with so many `bits`, 1 to 24, with references of their own.
+    #[must_use]
+    #[allow(clippy::cast_precision_loss)] // a power of two
+    pub const fn bits(bits: u32) -> Self {
+        let step = 1.0 / (1_u32 << bits) as f32;
+        Self { command: step, monitor: step, sensor: step, reference: 0.0 }
+    }
+}
+
 impl Converters {
+    /// Lowest and highest supply of an STM32F4 of 3 V with [`STM32F4_ON_CHIP`](Self::STM32F4_ON_CHIP), V. It is the reference of its converters.
+    pub const STM32F4_SUPPLY_V: [f32; 2] = [2.8, 3.2];
+
+    /// The DAC and the ADCs on an STM32F4 whose supply is their reference, V at its pins, without ceilings. Full scales are those of the lowest
+    /// supply; the steps are two of 4096 of the highest, since neighbouring codes of the DAC may be as far apart, and an ADC is off by as much
+    /// (data sheet: differential linearity). The supply is measured with the chip's own reference, which is taken to be off by 1 % at the most.
+    pub const STM32F4_ON_CHIP: Self = {
+        let [low_v, high_v] = Self::STM32F4_SUPPLY_V;
+        let full_scale_v = low_v * (4095.0 / 4096.0);
+        let step = 2.0 * high_v / 4096.0 / full_scale_v;
+        Self {
+            command_v: Some(full_scale_v),
+            monitor_v: full_scale_v,
+            sensor_v: full_scale_v,
+            resolution: Resolution { command: step, monitor: step, sensor: step, reference: 0.01 },
+            ceilings: Ceilings::NONE,
+        }
+    };
+
+    /// The converters of a board that this repository has firmware for, by its number, without ceilings; those of
+    /// [`boards::STM32F405`] for any other number: a firmware of your own states what it has.
+    #[must_use]
+    pub const fn of_board(id: u16) -> Self {
+        match id {
+            boards::STM32F407_DISCOVERY => Self::STM32F4_ON_CHIP,
+            _ => Self::AD5754_ADS868X,
+        }
+    }
+
     /// An AD5754 on the range of the parameters and two ADS868x on 0 to 10.24 V, without ceilings.
     pub const AD5754_ADS868X: Self = Self {
         command_v: None,
         monitor_v: AdcRange::UpTo10V24.max_v(),
         sensor_v: AdcRange::UpTo10V24.max_v(),
+        resolution: Resolution::AD5754_ADS868X,
         ceilings: Ceilings::NONE,
     };
 }
@@ -162,4 +225,14 @@ pub struct Ceilings {
 impl Ceilings {
     /// No ceilings but those of any limits: no amplifier for a film gives more, no elastomer holds as much, no film is as long.
     pub const NONE: Self = Self { voltage_v: 50e3, field_v_per_m: 5e8, stroke_m: 1.0 };
+
+    /// Ceilings for limits that hold although a common reference is off by a `share`.
+    pub(crate) fn within(&self, share: f32) -> Self {
+        let lower = |ceiling: f32| ceiling / (1.0 + share);
+        Self {
+            voltage_v: lower(self.voltage_v),
+            field_v_per_m: lower(self.field_v_per_m),
+            stroke_m: lower(self.stroke_m),
+        }
+    }
 }

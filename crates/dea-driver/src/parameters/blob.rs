@@ -170,7 +170,7 @@ pub enum BlobError {
         /// The band, V.
         band_v: f32,
     },
-    /// An amplifier so steep that a step of a DAC of 16 bits is more than the monitor's band.
+    /// An amplifier so steep that a step of the DAC is more than the monitor's band.
     #[error(
         "the amplifier: a step of the DAC is {step_v} V at the film, more than limits.monitor.band_v ({band_v} V); correct its \
          calibration or widen the band"
@@ -180,6 +180,19 @@ pub enum BlobError {
         step_v: f32,
         /// The band, V.
         band_v: f32,
+    },
+    /// A limit that is finer than what the board's converters distinguish.
+    #[error(
+        "limits.{quantity} is {value}, and the converters of this board do not distinguish less than {min} with these calibrations; widen \
+         the limit, or spread the instrument's range over that of its converter"
+    )]
+    Resolution {
+        /// Name of the limit.
+        quantity: &'static str,
+        /// The limit.
+        value: f32,
+        /// The smallest limit that can be kept.
+        min: f32,
     },
     /// Limits for a film of another thickness than the actuator's.
     #[error("limits.thickness_m is {limits_m}, the actuator's thickness_m {actuator_m}; they must agree within 1 %")]
@@ -263,16 +276,19 @@ impl<M: ControllerMemory> Blob<M> {
             .and_then(|supervisor| supervisor.behind(parameters.amplifier_lag, parameters.rate_hz))
             .map_err(BlobError::Limits)?
             .with_self_test_above(parameters.self_test_above_v);
-        if let Some((quantity, value, ceiling)) = parameters.limits.exceeded(&converters.ceilings) {
+        if let Some((quantity, value, ceiling)) =
+            parameters.limits.exceeded(&converters.ceilings.within(converters.resolution.reference))
+        {
             return Err(BlobError::Ceiling { quantity, value, ceiling });
         }
         let above_v = parameters.self_test_above_v;
         if !(0.0..f32::INFINITY).contains(&above_v) {
             return Err(BlobError::SelfTest { above_v });
         }
-        parameters.check_reach(command_v, converters.monitor_v)?;
+        parameters.check_reach(command_v, converters)?;
         let sensor_m = |volts| parameters.sensor.apply(volts) - parameters.sensor_offset_m;
-        let (unplugged_m, saturated_m) = (sensor_m(0.0), sensor_m(converters.sensor_v));
+        let unplugged_v = converters.resolution.sensor * converters.sensor_v;
+        let (unplugged_m, saturated_m) = (sensor_m(unplugged_v), sensor_m(converters.sensor_v));
         let (low_m, high_m) = (parameters.limits.sensor.low, parameters.limits.sensor.high);
         if (low_m..=high_m).contains(&unplugged_m) || (low_m..=high_m).contains(&saturated_m) {
             return Err(BlobError::Unplugged { unplugged_m, saturated_m, low_m, high_m });
@@ -345,8 +361,9 @@ impl<M: ControllerMemory> Parameters<M> {
     }
 
     /// Checks that the instruments cover the range of the limits, and that the limits are for this film.
-    fn check_reach(&self, command_v: f32, monitor_v: f32) -> Result<(), BlobError> {
+    fn check_reach(&self, command_v: f32, converters: &Converters) -> Result<(), BlobError> {
         let limits = &self.limits;
+        let &Converters { monitor_v, sensor_v, resolution, .. } = converters;
         // A monitor that does not end above the limit could never show that it is exceeded.
         // The last code of the DAC is one step short of full scale.
         for (instrument, full_scale_v, reached_v, needed_v) in [
@@ -361,9 +378,22 @@ impl<M: ControllerMemory> Parameters<M> {
         if amplifier_v.abs() > band_v {
             return Err(BlobError::Rest { amplifier_v, band_v });
         }
-        let step_v = self.amplifier.steepest(command_v) * command_v / 65_536.0;
+        let step_v = self.amplifier.steepest(command_v) * command_v * resolution.command;
         if step_v > band_v {
             return Err(BlobError::Coarse { step_v, band_v });
+        }
+        let shown_v = self.monitor.steepest(monitor_v) * monitor_v * resolution.monitor;
+        let shown_m = self.sensor.steepest(sensor_v) * sensor_v * resolution.sensor;
+        for (quantity, value, min) in [
+            // A step of the command that the monitor reads a step beside it.
+            ("monitor.band_v", band_v, if shown_v > 0.0 { step_v + shown_v } else { 0.0 }),
+            ("sensor.stuck_band", limits.sensor.stuck_band, shown_m),
+            // From one side of a step to the other.
+            ("sensor.jump", limits.sensor.jump, 2.0 * shown_m),
+        ] {
+            if value < min {
+                return Err(BlobError::Resolution { quantity, value, min });
+            }
         }
         let (limits_m, actuator_m) = (limits.thickness_m, self.actuator.thickness_m);
         if !(0.99..=1.01).contains(&(f64::from(limits_m) / actuator_m)) {

@@ -78,14 +78,14 @@ pub enum StoreError {
 }
 
 impl<F: NorFlash> Store<F> {
-    /// A store in the first two equal parts of `flash`, each a whole number of its erasable parts, for a board with
-    /// [`Converters::AD5754_ADS868X`].
+    /// A store in the first two equal parts of `flash`, each a whole number of its erasable parts, for a `board` with
+    /// [its converters](Converters::of_board).
     ///
     /// # Errors
     ///
     /// [`StoreError::Geometry`] for a flash that cannot hold two slots.
     pub fn new(flash: F, board: u16) -> Result<Self, StoreError> {
-        Self::with_converters(flash, board, Converters::AD5754_ADS868X)
+        Self::with_converters(flash, board, Converters::of_board(board))
     }
 }
 

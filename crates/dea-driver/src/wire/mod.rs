@@ -30,6 +30,7 @@ pub use message::{
     Answer, BATCH, CHUNK, Command, Identity, InjectedFault, Message, RECORDS, REFUSALS, Reject, Request, Status,
 };
 
+pub use crate::chips::boards;
 pub use crate::control::{FlightRecord, Followed, LearningOrder, Mode, Step, Target, Telemetry, TickCodes, Ticked};
 
 /// The version of the protocol.
@@ -38,9 +39,3 @@ pub const VERSION: u8 = 4;
 /// Baud rate of the serial line, 8N1. 42 MHz, the clock of the STM32F405's USART, divides to it within 0.2 %, and common USB
 /// adapters support it.
 pub const BAUD: u32 = 460_800;
-
-/// Boards that this repository has firmware for: the number in [`Identity::board`] and in the header of a blob.
-pub mod boards {
-    /// The STM32F405 of the crate `firmware`.
-    pub const STM32F405: u16 = 0x0405;
-}

@@ -1,8 +1,9 @@
 //! The chip: its blocks at their addresses, its time, and what is wired to it.
 //!
-//! The models follow the reference manual (RM0090) and the data sheet of the STM32F405, not the firmware. They know what the firmware's
+//! The models follow the reference manual (RM0090) and the data sheet of the STM32F405 and STM32F407, not the firmware. They know what the firmware's
 //! modules for hardware use, and report what they do not know.
 
+pub mod analog;
 pub mod clocks;
 pub mod gpio;
 pub mod lines;
@@ -18,8 +19,9 @@ pub mod usart;
 pub mod violation;
 
 use crate::wires::{Watch, Wired};
+use analog::{Adc, Common, Dac, Surroundings};
 use clocks::Clocks;
-use gpio::{PINS, Pin, Port};
+use gpio::{Mode, PINS, Pin, Port};
 use lines::Change;
 use memory::Memory;
 use rcc::{Gate, Oscillators, Rcc};
@@ -43,6 +45,10 @@ pub enum Block {
     /// 1 or 2.
     Spi(u8),
     Usart2,
+    Dac,
+    /// 1 to 3, and what they share.
+    Adc(u8),
+    AdcCommon,
     Power,
     Rcc,
     Flash,
@@ -58,6 +64,12 @@ impl Block {
             0x4000_3800..0x4000_3c00 => (Self::Spi(2), 0x4000_3800),
             0x4000_4400..0x4000_4800 => (Self::Usart2, 0x4000_4400),
             0x4000_7000..0x4000_7400 => (Self::Power, 0x4000_7000),
+            0x4000_7400..0x4000_7800 => (Self::Dac, 0x4000_7400),
+            0x4001_2000..0x4001_2300 => {
+                let index = (address >> 8 & 0b11) as u8;
+                (Self::Adc(index + 1), 0x4001_2000 + (u32::from(index) << 8))
+            }
+            0x4001_2300..0x4001_2400 => (Self::AdcCommon, 0x4001_2300),
             0x4001_3000..0x4001_3400 => (Self::Spi(1), 0x4001_3000),
             0x4002_0000..0x4002_2400 => {
                 let port = (address >> 10 & 0xf) as u8;
@@ -77,6 +89,10 @@ impl Block {
             Self::Spi(1) => Gate::apb2(12),
             Self::Spi(_) => Gate::apb1(14),
             Self::Usart2 => Gate::apb1(17),
+            Self::Dac => Gate::apb1(29),
+            // One bit resets all three.
+            Self::Adc(number) => Gate::apb2(7 + u32::from(number)).reset_by(8),
+            Self::AdcCommon => Gate::apb2(8),
             Self::Power => Gate::apb1(28),
             Self::Port(port) => Gate::ahb1(port.into()),
             Self::Rcc | Self::Flash => return None,
@@ -86,8 +102,8 @@ impl Block {
     /// The clock of its bus, Hz.
     fn bus_hz(self, clocks: &Clocks) -> u32 {
         match self {
-            Self::Tim5 | Self::Spi(2) | Self::Usart2 | Self::Power => clocks.pclk1_hz,
-            Self::Spi(_) => clocks.pclk2_hz,
+            Self::Tim5 | Self::Spi(2) | Self::Usart2 | Self::Dac | Self::Power => clocks.pclk1_hz,
+            Self::Spi(_) | Self::Adc(_) | Self::AdcCommon => clocks.pclk2_hz,
             Self::Rcc | Self::Flash | Self::Port(_) => clocks.hclk_hz,
         }
     }
@@ -102,6 +118,10 @@ pub struct Chip {
     spi: [Spi; 2],
     timer: Timer,
     pub usart2: Usart,
+    pub dac: Dac,
+    pub adcs: [Adc; 3],
+    common: Common,
+    pub around: Surroundings,
     wired: Vec<Wired>,
     watches: Vec<Watch>,
     /// Levels that pins drive.
@@ -125,6 +145,10 @@ impl Chip {
             spi: [1, 2].map(Spi::new),
             timer: Timer::default(),
             usart2: Usart::default(),
+            dac: Dac::default(),
+            adcs: [1, 2, 3].map(Adc::new),
+            common: Common::default(),
+            around: Surroundings::default(),
             wired: Vec::new(),
             watches: Vec::new(),
             driven: [[None; PINS]; PORTS],
@@ -181,8 +205,28 @@ impl Chip {
         self.rcc.change_slow(hz, self.now);
     }
 
+    /// A reset of the chip by any of its causes: every block is as after power-up, and what is connected stays.
+    pub fn reset(&mut self) {
+        self.blocks().chain([Block::Rcc, Block::Flash]).for_each(|block| self.peripheral(block).reset());
+        self.advance();
+        self.move_lines();
+    }
+
+    /// Blocks that the clock control can reset.
+    fn blocks(&self) -> impl Iterator<Item = Block> + use<> {
+        let ports = (0..PORTS as u8).map(Block::Port);
+        let converters = [Block::Dac, Block::Adc(1), Block::Adc(2), Block::Adc(3), Block::AdcCommon];
+        [Block::Tim5, Block::Spi(1), Block::Spi(2), Block::Usart2, Block::Power]
+            .into_iter()
+            .chain(converters)
+            .chain(ports)
+    }
+
     /// The firmware reads a word.
     pub fn read(&mut self, address: u32) -> u32 {
+        if address & !3 == analog::FACTORY_WORD {
+            return self.around.factory_word();
+        }
         let (word, bit) = word_of(address);
         let Some((block, offset)) = self.access(word) else { return 0 };
         let now = self.now;
@@ -212,10 +256,7 @@ impl Chip {
             self.note(violation);
         }
         if block == Block::Rcc {
-            let ports = (0..PORTS as u8).map(Block::Port);
-            for block in
-                [Block::Tim5, Block::Spi(1), Block::Spi(2), Block::Usart2, Block::Power].into_iter().chain(ports)
-            {
+            for block in self.blocks() {
                 if self.rcc.resets(block) {
                     self.peripheral(block).reset();
                 }
@@ -250,6 +291,9 @@ impl Chip {
             Block::Tim5 => &mut self.timer,
             Block::Spi(number) => &mut self.spi[usize::from(number) - 1],
             Block::Usart2 => &mut self.usart2,
+            Block::Dac => &mut self.dac,
+            Block::Adc(number) => &mut self.adcs[usize::from(number) - 1],
+            Block::AdcCommon => &mut self.common,
             Block::Power => &mut self.power,
             Block::Rcc => &mut self.rcc,
             Block::Flash => &mut self.flash,
@@ -269,6 +313,55 @@ impl Chip {
         for number in [1, 2] {
             self.advance_spi(number, Block::Spi(number).bus_hz(&clocks));
         }
+        self.advance_adcs(self.common.clock_hz(clocks.pclk2_hz));
+    }
+
+    fn advance_adcs(&mut self, clock_hz: u32) {
+        for index in 0..self.adcs.len() {
+            let (now, reference_is_on) = (self.now, self.common.reference_is_on());
+            if let Some(violation) = self.adcs[index].begin(now, clock_hz, reference_is_on) {
+                self.note(violation);
+            }
+            if let Some(channel) = self.adcs[index].ended(now) {
+                // The data sheet's limit from 2.4 V on.
+                if clock_hz > 36_000_000 {
+                    self.note(Violation::ConverterClock { hz: clock_hz });
+                }
+                let volts = self.channel_volts(channel);
+                self.adcs[index].convert(volts, &mut self.around);
+            }
+        }
+    }
+
+    /// The voltage at a channel of the ADCs.
+    fn channel_volts(&mut self, channel: u32) -> f64 {
+        let Some(pin) = analog::pin_of(channel) else {
+            return if channel == analog::REFERENCE { self.around.reference_v } else { 0.0 };
+        };
+        if self.pad(pin).mode != Mode::Analog {
+            self.note(Violation::NotAnalog { pin });
+        }
+        self.volts(pin)
+    }
+
+    /// The voltage at a pin: that of the DAC, or from outside; 0 V by a resistor where nothing drives it.
+    pub fn volts(&self, pin: Pin) -> f64 {
+        if let Some((shorted, volts)) = self.around.shorted
+            && shorted == pin
+        {
+            return volts;
+        }
+        let analog = self.pad(pin).mode == Mode::Analog;
+        let driven = analog::dac_channel(pin).filter(|_| analog);
+        let driven = driven.and_then(|channel| self.dac.volts(channel, self.around.supply_v));
+        let outside = self.around.volts.iter().find(|(other, _)| *other == pin);
+        driven.or(outside.map(|(_, volts)| *volts)).unwrap_or(0.0)
+    }
+
+    /// Puts a voltage to a pin from outside, V.
+    pub fn put(&mut self, pin: Pin, volts: f64) {
+        self.around.volts.retain(|(other, _)| *other != pin);
+        self.around.volts.push((pin, volts));
     }
 
     /// A pin's port.

@@ -170,7 +170,7 @@ impl Rcc {
 
     /// Whether the block is held in reset.
     pub fn resets(&self, block: Block) -> bool {
-        block.gate().is_some_and(|gate| self.registers[gate.reset] & 1 << gate.bit != 0)
+        block.gate().is_some_and(|gate| self.registers[gate.reset] & 1 << gate.reset_bit != 0)
     }
 
     /// Sets the ready bits of what is ready, and switches to a source that has become ready.
@@ -271,18 +271,24 @@ pub struct Gate {
     enable: u32,
     reset: u32,
     bit: u32,
+    reset_bit: u32,
 }
 
 impl Gate {
     pub const fn ahb1(bit: u32) -> Self {
-        Self { enable: AHB1ENR, reset: AHB1RSTR, bit }
+        Self { enable: AHB1ENR, reset: AHB1RSTR, bit, reset_bit: bit }
     }
 
     pub const fn apb1(bit: u32) -> Self {
-        Self { enable: APB1ENR, reset: APB1RSTR, bit }
+        Self { enable: APB1ENR, reset: APB1RSTR, bit, reset_bit: bit }
     }
 
     pub const fn apb2(bit: u32) -> Self {
-        Self { enable: APB2ENR, reset: APB2RSTR, bit }
+        Self { enable: APB2ENR, reset: APB2RSTR, bit, reset_bit: bit }
+    }
+
+    /// The same, reset by another bit of the same place.
+    pub const fn reset_by(self, reset_bit: u32) -> Self {
+        Self { reset_bit, ..self }
     }
 }

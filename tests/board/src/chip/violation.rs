@@ -29,4 +29,12 @@ pub enum Violation {
     SelectWithinByte { pin: Pin },
     /// Two chips on one bus were selected at once.
     TwoSelected { pin: Pin },
+    /// The ADCs are clocked faster than they may be.
+    ConverterClock { hz: u32 },
+    /// A conversion was started before the ADC was ready, or while it converted.
+    ConversionNotReady { adc: u8 },
+    /// The chip's own reference was converted by an ADC that does not have it, without its switch, or sampled for less than 10 µs.
+    ReferenceNotSampled { adc: u8 },
+    /// A pin was converted that is not analog.
+    NotAnalog { pin: Pin },
 }

@@ -1,18 +1,17 @@
-//! `firmware/src/boards/stm32_h405.rs`: frames on the buses, and pins. With the converters' models: `converters.rs`.
+//! `firmware/src/boards`: frames on the buses, and pins. With the converters' models: `converters.rs`.
 
 use board_on_host::board::Board;
 use board_on_host::chip::gpio::Pin;
 use board_on_host::chip::rcc::Oscillators;
 use board_on_host::wires::Wiring;
-use dea_driver::chips::CommandRange;
 use dea_driver::{AmplifierError, Drive};
 
+use super::kinds::{Discovery, H405, Kind, Ticks, board_of, tick};
 use super::slaves::{Recorder, adc_wiring, dac_wiring};
-use super::start::start;
+use super::start::{crystal, start};
 
-const ENABLE: Pin = Pin::new('C', 6);
-const INTERLOCK: Pin = Pin::new('C', 7);
-const DRIVE: Drive = Drive { enable: true, dac_v: 3.0, range: CommandRange::TenVolts };
+const ENABLE: Pin = H405::ENABLE;
+const DRIVE: Drive = H405::ON;
 
 #[test]
 fn a_tick_moves_its_frames_and_nothing_else() {
@@ -53,12 +52,35 @@ fn without_converters_nothing_is_enabled_and_nothing_is_read() {
 
 #[test]
 fn the_interlock_is_read_at_its_pin() {
-    let board = Board::new(Oscillators::default());
-    let mut bench = start(&board);
-    for (level, closed) in [(None, false), (Some(true), true), (Some(false), false)] {
-        board.chip(|chip| chip.connect(INTERLOCK, level));
-        assert_eq!(bench.sample().interlock_closed, closed, "{level:?}");
+    fn on<K: Kind>() {
+        let (board, _) = board_of::<K>();
+        let mut bench = K::start(&board, crystal());
+        for (level, closed) in [(None, false), (Some(true), true), (Some(false), false)] {
+            board.chip(|chip| chip.connect(K::INTERLOCK, level));
+            assert_eq!(bench.sample().interlock_closed, closed, "{}: {level:?}", K::NAME);
+        }
     }
+    on::<H405>();
+    on::<Discovery>();
+}
+
+/// The pin is read, not what it was set to.
+#[test]
+fn an_enable_output_that_is_held_is_seen() {
+    fn on<K: Kind>() {
+        let (board, _) = board_of::<K>();
+        let mut bench = K::start(&board, crystal());
+        for drive in [K::OFF, K::OFF, K::ON] {
+            assert_eq!(tick(&board, &mut bench, drive).1, Ok(()), "{}", K::NAME);
+        }
+        bench.sample();
+        assert!(bench.inspection().enable_high, "{}", K::NAME);
+        assert_eq!(bench.apply(K::OFF), Ok(()), "{}", K::NAME);
+        bench.sample();
+        assert!(!bench.inspection().enable_high, "{}", K::NAME);
+    }
+    on::<H405>();
+    on::<Discovery>();
 }
 
 #[test]

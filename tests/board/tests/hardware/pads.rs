@@ -6,7 +6,8 @@ use board_on_host::chip::pads::Signal;
 use board_on_host::chip::rcc::Oscillators;
 use board_on_host::hal::rcc::Config;
 
-use super::start::{crystal, start, start_on};
+use super::kinds::{Discovery, H405, Kind, board_of};
+use super::start::{crystal, start_on};
 
 const fn pin(port: char, number: u8) -> Pin {
     Pin::new(port, number)
@@ -37,82 +38,128 @@ const fn hears(pin: Pin, what: &'static str, function: u8, signal: Signal, pull:
     Row { pin, what, mode: Mode::Alternate(function), signal: Some(signal), pull, speed: Speed::Low }
 }
 
+/// The pins of a board.
+trait Pads: Kind {
+    const PINS: &'static [Row];
+    /// Outputs beside the enable output, and the levels with which they start.
+    const STARTS: &'static [(Pin, bool)];
+}
+
 /// Alternate functions by the data sheet. Pads of SPI clocks have the highest speed: the clock comes back from them for the last bit of
 /// a byte (errata sheet ES0182). Lines from chips that are not there read 0.
-const PINS: [Row; 14] = [
-    output(pin('C', 6), "enable"),
-    // A wire that breaks is an open interlock.
-    Row { mode: Mode::Input, pull: Pull::Down, ..output(pin('C', 7), "interlock") },
-    output(pin('C', 12), "light"),
-    output(pin('B', 12), "select of the DAC"),
-    drives(pin('B', 13), "clock of the DAC", 5, Signal::Sck(2), Speed::VeryHigh),
-    hears(pin('B', 14), "data from the DAC", 5, Signal::Miso(2), Pull::Down),
-    drives(pin('B', 15), "data to the DAC", 5, Signal::Mosi(2), Speed::VeryHigh),
-    output(pin('B', 0), "select of the monitor's ADC"),
-    output(pin('B', 1), "select of the sensor's ADC"),
-    drives(pin('A', 5), "clock of the ADCs", 5, Signal::Sck(1), Speed::VeryHigh),
-    hears(pin('A', 6), "data from the ADCs", 5, Signal::Miso(1), Pull::Down),
-    drives(pin('A', 7), "data to the ADCs", 5, Signal::Mosi(1), Speed::VeryHigh),
-    drives(pin('A', 2), "link, out", 7, Signal::Transmit, Speed::Low),
-    // A line that is not connected is quiet.
-    hears(pin('A', 3), "link, in", 7, Signal::Receive, Pull::Up),
-];
+impl Pads for H405 {
+    const PINS: &'static [Row] = &[
+        output(pin('C', 6), "enable"),
+        // A wire that breaks is an open interlock.
+        Row { mode: Mode::Input, pull: Pull::Down, ..output(pin('C', 7), "interlock") },
+        output(pin('C', 12), "light"),
+        output(pin('B', 12), "select of the DAC"),
+        drives(pin('B', 13), "clock of the DAC", 5, Signal::Sck(2), Speed::VeryHigh),
+        hears(pin('B', 14), "data from the DAC", 5, Signal::Miso(2), Pull::Down),
+        drives(pin('B', 15), "data to the DAC", 5, Signal::Mosi(2), Speed::VeryHigh),
+        output(pin('B', 0), "select of the monitor's ADC"),
+        output(pin('B', 1), "select of the sensor's ADC"),
+        drives(pin('A', 5), "clock of the ADCs", 5, Signal::Sck(1), Speed::VeryHigh),
+        hears(pin('A', 6), "data from the ADCs", 5, Signal::Miso(1), Pull::Down),
+        drives(pin('A', 7), "data to the ADCs", 5, Signal::Mosi(1), Speed::VeryHigh),
+        drives(pin('A', 2), "link, out", 7, Signal::Transmit, Speed::Low),
+        // A line that is not connected is quiet.
+        hears(pin('A', 3), "link, in", 7, Signal::Receive, Pull::Up),
+    ];
+    const STARTS: &'static [(Pin, bool)] =
+        &[(pin('B', 12), true), (pin('B', 0), true), (pin('B', 1), true), (pin('C', 12), true)];
+}
+
+/// Pins of the converters are analog, without a pull.
+impl Pads for Discovery {
+    const PINS: &'static [Row] = &[
+        output(pin('C', 6), "enable"),
+        Row { mode: Mode::Input, pull: Pull::Down, ..output(pin('C', 8), "interlock") },
+        output(pin('D', 12), "light"),
+        Row { mode: Mode::Analog, ..output(pin('A', 5), "command") },
+        Row { mode: Mode::Analog, ..output(pin('B', 0), "monitor") },
+        Row { mode: Mode::Analog, ..output(pin('B', 1), "sensor") },
+        output(pin('E', 3), "select of the accelerometer"),
+        drives(pin('A', 2), "link, out", 7, Signal::Transmit, Speed::Low),
+        hears(pin('A', 3), "link, in", 7, Signal::Receive, Pull::Up),
+    ];
+    const STARTS: &'static [(Pin, bool)] = &[(pin('D', 12), false), (pin('E', 3), true)];
+}
 
 #[test]
 fn every_pin_is_set_for_what_is_wired_to_it() {
-    let board = Board::new(Oscillators::default());
-    let _bench = start(&board);
-    for Row { pin, what, mode, signal, pull, speed } in PINS {
-        let pad = board.chip(|chip| chip.pad(pin));
-        assert_eq!(pad.mode, mode, "{pin:?}, {what}");
-        assert_eq!(board.chip(|chip| chip.carried(pin)), signal, "{pin:?}, {what}");
-        assert!(pad.speed >= speed, "{pin:?}, {what}: {:?}", pad.speed);
-        assert!(!pad.open_drain, "{pin:?}, {what}");
-        assert_eq!(pad.pull, pull, "{pin:?}, {what}");
+    fn on<K: Pads>() {
+        let (board, _) = board_of::<K>();
+        let _bench = K::start(&board, crystal());
+        for &Row { pin, what, mode, signal, pull, speed } in K::PINS {
+            let what = format!("{}: {pin:?}, {what}", K::NAME);
+            let pad = board.chip(|chip| chip.pad(pin));
+            assert_eq!(pad.mode, mode, "{what}");
+            assert_eq!(board.chip(|chip| chip.carried(pin)), signal, "{what}");
+            assert!(pad.speed >= speed, "{what}: {:?}", pad.speed);
+            assert!(!pad.open_drain, "{what}");
+            assert_eq!(pad.pull, pull, "{what}");
+        }
     }
+    on::<H405>();
+    on::<Discovery>();
 }
 
 #[test]
 fn other_pins_are_left_as_they_are() {
     // Debug probe, USB with its pull-up at PC11, crystals, and what else a board may have.
-    let board = Board::new(Oscillators::default());
-    let pins = || ('A'..='I').flat_map(|port| (0..16).map(move |number| pin(port, number)));
-    let pads =
-        |board: &Board| -> Vec<(Pin, Pad)> { board.chip(|chip| pins().map(|pin| (pin, chip.pad(pin))).collect()) };
-    let before = pads(&board);
-    let _bench = start(&board);
-    for ((pin, before), (_, after)) in before.into_iter().zip(pads(&board)) {
-        if !PINS.iter().any(|row| row.pin == pin) {
-            assert_eq!(after, before, "{pin:?}");
+    fn on<K: Pads>() {
+        let (board, _) = board_of::<K>();
+        let pins = || ('A'..='I').flat_map(|port| (0..16).map(move |number| pin(port, number)));
+        let pads =
+            |board: &Board| -> Vec<(Pin, Pad)> { board.chip(|chip| pins().map(|pin| (pin, chip.pad(pin))).collect()) };
+        let before = pads(&board);
+        let _bench = K::start(&board, crystal());
+        for ((pin, before), (_, after)) in before.into_iter().zip(pads(&board)) {
+            if !K::PINS.iter().any(|row| row.pin == pin) {
+                assert_eq!(after, before, "{}: {pin:?}", K::NAME);
+            }
         }
     }
+    on::<H405>();
+    on::<Discovery>();
 }
 
 #[test]
 fn the_enable_output_is_the_first_to_be_driven_and_low() {
-    let board = Board::new(Oscillators::default());
-    let _bench = start(&board);
-    let enable = board.chip(|chip| chip.history(pin('C', 6)));
-    assert_eq!(enable.iter().map(|change| change.driven).collect::<Vec<_>>(), [Some(false)]);
-    for Row { pin, what, .. } in PINS {
-        let others = board.chip(|chip| chip.history(pin));
-        assert!(others.iter().all(|change| change.at_ns >= enable[0].at_ns), "{pin:?}, {what}");
+    fn on<K: Pads>() {
+        let (board, _) = board_of::<K>();
+        let _bench = K::start(&board, crystal());
+        let enable = board.chip(|chip| chip.history(K::ENABLE));
+        assert_eq!(enable.iter().map(|change| change.driven).collect::<Vec<_>>(), [Some(false)], "{}", K::NAME);
+        for &Row { pin, what, .. } in K::PINS {
+            let others = board.chip(|chip| chip.history(pin));
+            assert!(others.iter().all(|change| change.at_ns >= enable[0].at_ns), "{}: {pin:?}, {what}", K::NAME);
+        }
     }
+    on::<H405>();
+    on::<Discovery>();
 }
 
+/// Selects high, and the light dark.
 #[test]
 fn selects_and_the_light_start_high() {
-    let board = Board::new(Oscillators::default());
-    let _bench = start(&board);
-    for pin in [pin('B', 12), pin('B', 0), pin('B', 1), pin('C', 12)] {
-        let history = board.chip(|chip| chip.history(pin));
-        assert_eq!(
-            history.first().map(|change| change.driven),
-            Some(Some(true)),
-            "{pin:?} has moved before: {history:?}"
-        );
-        assert!(board.chip(|chip| chip.level(pin)), "{pin:?}");
+    fn on<K: Pads>() {
+        let (board, _) = board_of::<K>();
+        let _bench = K::start(&board, crystal());
+        for &(pin, high) in K::STARTS {
+            let history = board.chip(|chip| chip.history(pin));
+            assert_eq!(
+                history.first().map(|change| change.driven),
+                Some(Some(high)),
+                "{}: {pin:?} has moved before: {history:?}",
+                K::NAME
+            );
+            assert_eq!(board.chip(|chip| chip.level(pin)), high, "{}: {pin:?}", K::NAME);
+        }
     }
+    on::<H405>();
+    on::<Discovery>();
 }
 
 #[test]

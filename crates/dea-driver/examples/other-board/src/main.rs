@@ -10,7 +10,7 @@ use core::{cell::Cell, cell::RefCell, convert::Infallible, f32::consts::PI, fmt:
 #[cfg(not(target_os = "none"))]
 use std::process;
 
-use dea_driver::chips::{Ceilings, Converters};
+use dea_driver::chips::{Ceilings, Converters, Resolution};
 use dea_driver::{Blob, Cause, Controller, DriverState, Inputs, Mode, Outputs, Parameters};
 use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
@@ -30,6 +30,7 @@ const CONVERTERS: Converters = Converters {
     command_v: Some(DAC_V),
     monitor_v: MAX_ADC_V,
     sensor_v: MAX_ADC_V,
+    resolution: Resolution::bits(12),
     ceilings: Ceilings { voltage_v: 6e3, field_v_per_m: 6e7, stroke_m: 8e-3 },
 };
 const MONITOR: u8 = 0; // channels of the ADC

@@ -65,13 +65,13 @@ impl<M: ControllerMemory> Parameters<M> {
         Ok((sizes, sizes != USUAL_SIZES))
     }
 
-    /// Writes the blob for `board`, with [`Converters::AD5754_ADS868X`], to `bytes` and returns its length.
+    /// Writes the blob for `board`, with [its converters](Converters::of_board), to `bytes` and returns its length.
     ///
     /// # Errors
     ///
     /// [`BlobError`] for parameters that a controller would refuse, and for less room than the blob takes.
     pub fn encode(&self, board: u16, bytes: &mut [u8]) -> Result<usize, BlobError> {
-        self.encode_for(board, &Converters::AD5754_ADS868X, bytes)
+        self.encode_for(board, &Converters::of_board(board), bytes)
     }
 
     /// The same for a board with other `converters`.
@@ -103,13 +103,13 @@ impl<M: ControllerMemory> Parameters<M> {
 
 impl Blob {
     /// Reads and checks the blob at the start of `bytes`, which must be for `board`, with
-    /// [`Converters::AD5754_ADS868X`].
+    /// [its converters](Converters::of_board).
     ///
     /// # Errors
     ///
     /// [`BlobError`] for the first thing that is wrong.
     pub fn decode(bytes: &[u8], board: u16) -> Result<Self, BlobError> {
-        Self::decode_for(bytes, board, &Converters::AD5754_ADS868X)
+        Self::decode_for(bytes, board, &Converters::of_board(board))
     }
 }
 

@@ -1,0 +1,210 @@
+//! `firmware/src/on_chip.rs`: faults of converters on the chip, of their reference, and of the models that judge them.
+
+use board_on_host::board::Board;
+use board_on_host::chip::Block;
+use board_on_host::chip::gpio::Pin;
+use board_on_host::chip::rcc::Oscillators;
+use board_on_host::chip::violation::Violation;
+use board_on_host::hal::prelude::*;
+use board_on_host::stm32f407_discovery::Bench;
+use dea_driver::AmplifierError;
+use dea_driver::wire::Part;
+
+use super::kinds::{Discovery, Kind, SET_UP, assert_near, board_of, clocks, tick};
+use super::start::{crystal, start_discovery};
+
+/// A board that has been on for some ticks.
+fn started() -> (Board, Bench) {
+    let (board, _) = board_of::<Discovery>();
+    let mut bench = start_discovery(&board, crystal());
+    for _ in 0..SET_UP {
+        assert_eq!(tick(&board, &mut bench, Discovery::OFF).1, Ok(()));
+    }
+    (board, bench)
+}
+
+fn is_enabled(board: &Board) -> bool {
+    board.chip(|chip| chip.level(Discovery::ENABLE))
+}
+
+/// 3 V are no reference of their own: readings and command follow the chip's.
+#[test]
+fn volts_are_volts_at_every_supply() {
+    for clocks in clocks() {
+        for supply_v in [2.82, 2.95, 3.0, 3.1, 3.18] {
+            let (board, wired) = board_of::<Discovery>();
+            board.chip(|chip| chip.around.supply_v = supply_v);
+            wired.set_monitor(&board, 1.234);
+            wired.set_sensor(&board, 2.345);
+            let mut bench = start_discovery(&board, clocks);
+            for drive in [Discovery::OFF, Discovery::OFF, Discovery::ON, Discovery::ON] {
+                assert_eq!(tick(&board, &mut bench, drive).1, Ok(()), "{supply_v} V");
+            }
+            let (inputs, _) = tick(&board, &mut bench, Discovery::ON);
+            assert_near::<Discovery>(inputs.monitor_adc_v, 1.234);
+            assert_near::<Discovery>(inputs.sensor_adc_v, 2.345);
+            let wanted = f64::from(Discovery::ON.dac_v) * Discovery::LOADED;
+            let found = wired.command_v(&board);
+            assert!((found - wanted).abs() < Discovery::STEP_V, "{supply_v} V: {found} V instead of {wanted} V");
+            assert_eq!(board.violations(), []);
+        }
+    }
+}
+
+/// While it runs as well, within the mean of its measurement.
+#[test]
+fn a_supply_that_drifts_is_followed() {
+    let (board, mut bench) = started();
+    board.chip(|chip| chip.around.supply_v = 3.1);
+    Discovery.set_monitor(&board, 1.5);
+    for _ in 0..400 {
+        assert_eq!(tick(&board, &mut bench, Discovery::ON).1, Ok(()));
+    }
+    // A code more of the reference is what the supply may be off.
+    let found = tick(&board, &mut bench, Discovery::ON).0.monitor_adc_v.expect("a reading");
+    assert!((f64::from(found) - 1.5).abs() < 2.0 * Discovery::STEP_V, "{found} V");
+}
+
+/// Readings of the others are without value then, and so is the command.
+#[test]
+fn a_supply_or_a_reference_outside_of_its_range_ends_in_the_tick() {
+    type Spoil = fn(&Board);
+    let faults: [(&str, Spoil); 6] = [
+        ("supply too low", |board| board.chip(|chip| chip.around.supply_v = 2.75)),
+        ("supply too high", |board| board.chip(|chip| chip.around.supply_v = 3.25)),
+        ("reference too low", |board| board.chip(|chip| chip.around.reference_v *= 0.9)),
+        ("reference too high", |board| board.chip(|chip| chip.around.reference_v *= 1.1)),
+        ("factory's code erased", |board| board.chip(|chip| chip.around.factory = 0xffff)),
+        ("ADC1 always the same", |board| board.chip(|chip| chip.adcs[0].always = Some(2048))),
+    ];
+    for (name, spoil) in faults {
+        let (board, mut bench) = started();
+        for _ in 0..3 {
+            assert_eq!(tick(&board, &mut bench, Discovery::ON).1, Ok(()));
+        }
+        assert!(is_enabled(&board));
+        spoil(&board);
+        let (inputs, applied) = tick(&board, &mut bench, Discovery::ON);
+        assert_eq!((inputs.monitor_adc_v, inputs.sensor_adc_v), (None, None), "{name}");
+        assert_eq!(applied, Err(AmplifierError::Bus), "{name}");
+        assert!(!is_enabled(&board), "{name}");
+        assert_eq!(Discovery.command_v(&board), 0.0, "{name}");
+        assert!(matches!(bench.inspection().monitor, Part::Wrong { .. }), "{name}: {:?}", bench.inspection());
+        // Nor is it enabled again.
+        assert!(tick(&board, &mut bench, Discovery::ON).1.is_err(), "{name}");
+        assert!(!is_enabled(&board), "{name}");
+    }
+}
+
+#[test]
+fn a_dac_that_does_not_drive_its_pin_disables_the_amplifier_a_tick_later() {
+    type Spoil = fn(&Board);
+    let faults: [(&str, Spoil); 6] = [
+        ("shorted to ground", |board| board.chip(|chip| chip.around.shorted = Some((Discovery::DAC, 0.0)))),
+        ("shorted to the supply", |board| board.chip(|chip| chip.around.shorted = Some((Discovery::DAC, 3.0)))),
+        ("off by 5 %", |board| board.chip(|chip| chip.around.shorted = Some((Discovery::DAC, 1.5 * 1.05)))),
+        ("ADC2 always the same", |board| board.chip(|chip| chip.adcs[1].always = Some(1000))),
+        ("switched off", |board| board.chip(|chip| chip.write(0x4000_7400, 0))),
+        ("with its buffer", |board| board.chip(|chip| chip.write(0x4000_7400, 1 << 16))),
+    ];
+    for (name, spoil) in faults {
+        let (board, mut bench) = started();
+        for _ in 0..3 {
+            assert_eq!(tick(&board, &mut bench, Discovery::ON).1, Ok(()), "{name}");
+        }
+        spoil(&board);
+        assert!(matches!(tick(&board, &mut bench, Discovery::ON).1, Err(AmplifierError::Readback { .. })), "{name}");
+        assert!(!is_enabled(&board), "{name}");
+    }
+}
+
+#[test]
+fn a_dac_that_takes_no_codes_is_noticed_with_the_next_command() {
+    let (board, mut bench) = started();
+    board.chip(|chip| chip.dac.holds = Some(0));
+    assert_eq!(tick(&board, &mut bench, Discovery::ON).1, Ok(()));
+    assert!(matches!(tick(&board, &mut bench, Discovery::ON).1, Err(AmplifierError::Readback { found: 0, .. })));
+    assert!(!is_enabled(&board));
+}
+
+/// An ADC whose registers have changed is not believed, and set up again.
+#[test]
+fn an_adc_whose_registers_have_changed_is_set_up_again() {
+    // Resolution, sampling times, and the clock of both.
+    for (address, value) in [(0x4001_2004, 1 << 24), (0x4001_2110, 0), (0x4001_2304, 1 << 23), (0x4001_2008, 0)] {
+        let (board, mut bench) = started();
+        Discovery.set_monitor(&board, 1.0);
+        board.chip(|chip| chip.write(address, value));
+        assert_eq!(tick(&board, &mut bench, Discovery::OFF).0.monitor_adc_v, None, "{address:#x}");
+        assert_near::<Discovery>(tick(&board, &mut bench, Discovery::OFF).0.monitor_adc_v, 1.0);
+    }
+}
+
+/// The noise of the reference does not hide a sensor that always converts to the same.
+#[test]
+fn a_stuck_sensor_stays_the_same_to_the_bit_on_a_noisy_reference() {
+    let (board, mut bench) = started();
+    board.chip(|chip| {
+        chip.around.noise = 2;
+        chip.adcs[1].always = Some(1500);
+    });
+    let readings: Vec<_> = (0..700).map(|_| tick(&board, &mut bench, Discovery::OFF).0.sensor_adc_v).collect();
+    let first = readings[200].expect("a reading").to_bits();
+    let changed = readings[200..].iter().filter(|reading| reading.map(f32::to_bits) != Some(first)).count();
+    assert_eq!(changed, 0);
+}
+
+/// With two codes of noise the mean is within one of them.
+#[test]
+fn the_mean_of_a_tick_has_less_noise_than_a_sample() {
+    let (board, mut bench) = started();
+    board.chip(|chip| chip.around.noise = 2);
+    Discovery.set_monitor(&board, 1.0);
+    let code_v = 3.0 / 4096.0;
+    let readings: Vec<f64> =
+        (0..500).map(|_| tick(&board, &mut bench, Discovery::OFF).0.monitor_adc_v.expect("a reading").into()).collect();
+    let mean = readings.iter().sum::<f64>() / readings.len() as f64;
+    let variance = readings.iter().map(|reading| (reading - mean).powi(2)).sum::<f64>() / readings.len() as f64;
+    // Even noise of ±2 codes has 1.15 codes, and a mean of eight 0.41; rounding adds 0.1.
+    let deviation = variance.sqrt() / code_v;
+    assert!((0.3..0.55).contains(&deviation), "{deviation} codes");
+    assert!((mean - 1.0).abs() < 2.0 * code_v, "{mean} V");
+}
+
+#[test]
+fn the_models_find_what_they_are_there_to_find() {
+    let board = Board::new(Oscillators::default());
+    let chip = board.peripherals();
+    let mut rcc = chip.RCC.freeze(crystal());
+    // SAFETY: the clocks of DAC, ADC1 and ADC2.
+    rcc.apb2enr().modify(|r, w| unsafe { w.bits(r.bits() | 1 << 8 | 1 << 9) });
+    let _ = chip.GPIOA.split(&mut rcc);
+    let (adc1, adc2) = (&chip.ADC1, &chip.ADC2);
+    let convert = |adc: &board_on_host::hal::pac::adc1::RegisterBlock, channel: u32| {
+        // SAFETY: the models take what comes.
+        unsafe {
+            adc.sqr3().write(|w| w.bits(channel));
+            adc.cr2().write(|w| w.bits(1 << 30 | 1));
+        }
+        board.chip(|chip| chip.wait_ns(100_000));
+    };
+    convert(adc1, 0);
+    let pin = Pin::new('A', 0);
+    let early = Violation::ConversionNotReady { adc: 1 };
+    let fast = Violation::ConverterClock { hz: 42_000_000 };
+    assert_eq!(board.violations(), [early, fast, Violation::NotAnalog { pin }]);
+    // Without its switch, sampled for too short a time, and by an ADC that does not have it.
+    convert(adc1, 17);
+    assert_eq!(board.violations().last(), Some(&Violation::ReferenceNotSampled { adc: 1 }));
+    // SAFETY: as above.
+    unsafe {
+        chip.ADC_COMMON.ccr().write(|w| w.bits(1 << 23 | 1 << 16));
+        adc2.cr2().write(|w| w.bits(1));
+        adc2.smpr1().write(|w| w.bits(0b111 << 21));
+    }
+    board.chip(|chip| chip.wait_ns(10_000));
+    convert(adc2, 17);
+    assert_eq!(board.violations().last(), Some(&Violation::ReferenceNotSampled { adc: 2 }));
+    let _ = chip.DAC.cr().read().bits();
+    assert_eq!(board.violations().last(), Some(&Violation::NoClock(Block::Dac)));
+}
