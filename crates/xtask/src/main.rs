@@ -22,6 +22,7 @@ mod release;
 mod setup;
 mod test;
 mod windows;
+mod wiring;
 
 use std::process::ExitCode;
 
@@ -72,6 +73,8 @@ enum Chore {
     },
     /// Make the recordings under tests/recordings again.
     Recordings,
+    /// Draw the boards of docs/boards.md from their tables.
+    Wiring,
     /// Run what takes too long for every change: all simulated faults, the fuzzers, and mutants of the driver. Installs
     /// what is missing. Fuzzing takes 40 minutes and its build; mutants take hours.
     Campaign {
@@ -119,6 +122,7 @@ fn main() -> ExitCode {
         Chore::Board { port, image } => board::run(port, image),
         Chore::Faces { face } => faces::run(face),
         Chore::Recordings => recordings::run(),
+        Chore::Wiring => wiring::run(),
         Chore::Campaign { part, sample, only } => campaign::run(part, sample, only.as_deref()),
         Chore::Page => page::run(),
         Chore::Book => book::run(),

@@ -14,7 +14,7 @@ use builds::{SYSTEMS, Source, System};
 pub use builds::{WINDOWS, windows};
 
 /// All files of a release, with VERSION for the version. docs/CONTRIBUTING.md says what they are for.
-const FILES: [&str; 14] = [
+const FILES: [&str; 17] = [
     "SHA256SUMS",
     "dea-driver-VERSION.crate",
     "springpot-VERSION-cp311-abi3-manylinux2014_x86_64.manylinux_2_17_x86_64.whl",
@@ -25,6 +25,9 @@ const FILES: [&str; 14] = [
     "springpot-firmware-stm32f405.bin",
     "springpot-firmware-stm32f405.dfu",
     "springpot-firmware-stm32f405.elf",
+    "springpot-firmware-stm32f407-discovery.bin",
+    "springpot-firmware-stm32f407-discovery.dfu",
+    "springpot-firmware-stm32f407-discovery.elf",
     "springpot-matlab.zip",
     "springpot-x86_64-pc-windows-gnu.exe",
     "springpot-x86_64-unknown-linux-musl",
@@ -85,8 +88,9 @@ fn files(systems: &[&System], is_whole: bool, folder: PathBuf, out: &Path) -> Re
         materials(&source, out)?;
         crates(&source, out)?;
         builds::wheels(&source, out)?;
-        let image = builds::firmware(&source)?;
-        packing::images(&image, &out.join("springpot-firmware-stm32f405"))?;
+        for (image, board) in builds::firmware(&source)? {
+            packing::images(&image, &out.join(format!("springpot-firmware-{board}")))?;
+        }
         libraries(&source, out)?;
     }
     let mut digests = Command::new("sh");

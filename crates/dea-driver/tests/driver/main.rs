@@ -29,6 +29,7 @@ mod memory;
 mod monitor;
 mod parameters;
 mod plausibility;
+mod resolution;
 mod safety;
 mod self_test;
 mod sensor_faults;

@@ -142,20 +142,25 @@ pub fn wheels(source: &Source, out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Builds the firmware for a board, and returns its image.
-pub fn firmware(source: &Source) -> Result<PathBuf> {
+/// Programs of the firmware, and their boards.
+const BOARDS: [(&str, &str); 2] = [("firmware", "stm32f405"), ("stm32f407-discovery", "stm32f407-discovery")];
+
+/// Builds the firmware for each board, and returns the images with the names of the boards.
+pub fn firmware(source: &Source) -> Result<Vec<(PathBuf, &'static str)>> {
     let [target, _] = setup::TARGETS;
     let toolchain = setup::toolchain(&[target])?;
     source.enclose("firmware")?;
     let flags: Vec<String> = source.remap().iter().map(|flag| format!("'{flag}'")).collect();
-    let line = "build --release --locked --bin firmware --no-default-features";
-    let mut build = toolchain.cargo(&source.root.join("firmware"), target, line);
+    let programs = BOARDS.map(|(program, _)| format!("--bin {program}")).join(" ");
+    let line = format!("build --release --locked {programs} --no-default-features");
+    let mut build = toolchain.cargo(&source.root.join("firmware"), target, &line);
     build
         .arg("--config")
         .arg(format!("target.{target}.rustflags=[{}]", flags.join(", ")))
         .env("CARGO_TARGET_DIR", source.target());
     run_command(build)?;
-    Ok(source.target().join(target).join("release").join("firmware"))
+    let folder = source.target().join(target).join("release");
+    Ok(BOARDS.map(|(program, board)| (folder.join(program), board)).to_vec())
 }
 
 /// The Windows executable alone, of the sources as they are.

@@ -4,6 +4,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::Args;
+use dea_driver::chips::Converters;
 use dea_driver::wire::{Answer, Command, Identity, Mode, Part, Reject, Status};
 use dea_driver::{Cause, DriverState};
 use serde::Serialize;
@@ -25,8 +26,10 @@ const BY_HAND: Duration = Duration::from_secs(60);
 const SHARE: f64 = 0.1;
 /// Longest time in which the output of a bench discharges; a longer one means that the bleeder is missing.
 const DISCHARGE: Duration = Duration::from_secs(10);
-/// Readings between an ADC's ends, V. With the resistor at its input one that leads nowhere reads less, and a saturated one more.
-const PLUGGED_V: std::ops::RangeInclusive<f32> = 0.05..=10.2;
+/// The lowest reading of an ADC with something at its input, V: with the resistor there one that leads nowhere reads less.
+const PLUGGED_V: f32 = 0.05;
+/// The highest, as a share of its full scale: a saturated one reads more.
+const PLUGGED_SHARE: f32 = 0.997;
 
 #[derive(Debug, Args)]
 pub(super) struct SelfTest {
@@ -115,7 +118,7 @@ impl SelfTest {
     /// The checks that need no voltage, all that the board would refuse to be armed for, and the age of the last self-test.
     pub(super) fn preflight(mut client: Client, port: String, json: bool) -> Result<()> {
         let mut checks = Checks::default();
-        at_rest(&mut client, &mut checks)?;
+        at_rest(&mut client, identity.board, &mut checks)?;
         match client.ask(Command::Preflight)? {
             Answer::Preflight { refusals, self_test_s } => {
                 for refusal in &refusals {
@@ -134,7 +137,7 @@ impl SelfTest {
     fn all(&self, client: &mut Client, identity: &Identity, checks: &mut Checks, stop: &AtomicBool) -> Result<()> {
         let Identity { firmware, board, protocol, .. } = identity;
         checks.add("link", format!("firmware {firmware}, board {board:#06x}, protocol {protocol}"), "an answer", true);
-        let rest_v = at_rest(client, checks)?;
+        let rest_v = at_rest(client, *board, checks)?;
         if !checks.passed() {
             return Ok(());
         }
@@ -252,7 +255,7 @@ impl SelfTest {
 }
 
 /// With the amplifier disabled. Returns what the monitor shows, V.
-fn at_rest(client: &mut Client, checks: &mut Checks) -> Result<f64> {
+fn at_rest(client: &mut Client, board: u16, checks: &mut Checks) -> Result<f64> {
     let status = client.status()?;
     let state = match status.state {
         DriverState::Tripped(_) => "no trip: find out why, then `link acknowledge`",
@@ -270,8 +273,10 @@ fn at_rest(client: &mut Client, checks: &mut Checks) -> Result<f64> {
         checks.add(what, answer(part), advice(part, "every frame carries its range"), part == Part::Answers);
     }
     let volts = parts.sensor_adc_v;
-    let plugged = "between 0.05 and 10.2 V: neither unplugged nor saturated";
-    checks.add("sensor", format!("{volts:.3} V at its ADC"), plugged, PLUGGED_V.contains(&volts));
+    let highest_v = PLUGGED_SHARE * Converters::of_board(board).sensor_v;
+    let plugged = format!("between {PLUGGED_V} and {highest_v:.1} V: neither unplugged nor saturated");
+    let is_plugged = (PLUGGED_V..=highest_v).contains(&volts);
+    checks.add("sensor", format!("{volts:.3} V at its ADC"), plugged, is_plugged);
     let Status { monitor_v, live, .. } = client.status()?;
     let dark = !live && monitor_v.is_finite();
     checks.add("monitor, disarmed", format!("{monitor_v:.1} V"), "within its band around 0 V", dark);

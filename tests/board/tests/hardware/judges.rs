@@ -48,6 +48,19 @@ fn registers_begin_as_the_vendor_describes_them() {
     rcc.apb1enr().modify(|_, w| w.spi2en().set_bit().usart2en().set_bit().tim5en().set_bit());
     assert_as_reset!(chip.SPI2.cr1(), chip.SPI2.cr2(), chip.SPI2.sr(), chip.USART2.sr(), chip.USART2.cr1());
     assert_as_reset!(chip.USART2.brr(), chip.TIM5.cr1(), chip.TIM5.ccmr2_input(), chip.TIM5.ccer(), chip.TIM5.or());
+    rcc.apb1enr().modify(|_, w| w.dacen().set_bit());
+    rcc.apb2enr().modify(|_, w| w.adc1en().set_bit().adc2en().set_bit());
+    let (adc, dac) = (&chip.ADC2, &chip.DAC);
+    assert_as_reset!(
+        chip.ADC1.sr(),
+        chip.ADC1.cr1(),
+        chip.ADC1.cr2(),
+        adc.smpr1(),
+        adc.smpr2(),
+        adc.sqr1(),
+        adc.sqr3()
+    );
+    assert_as_reset!(adc.htr(), chip.ADC_COMMON.ccr(), dac.cr(), dac.dhr12r2());
     assert_eq!(board.violations(), []);
 }
 

@@ -105,6 +105,25 @@ fn every_pin_is_set_for_what_is_wired_to_it() {
     on::<Discovery>();
 }
 
+/// The tables of `docs/boards.md`, which the drawings are made of, have these pins.
+#[test]
+fn the_page_has_every_pin_of_every_board() {
+    fn on<K: Pads>() {
+        let page = include_str!("../../../../docs/boards.md");
+        let section =
+            page.split("\n## ").find(|section| section.lines().next().is_some_and(|title| title.ends_with(K::NAME)));
+        let rows = section.expect("a section").lines().filter_map(|line| line.strip_prefix("| P")?.split(' ').next());
+        let mut listed: Vec<String> = rows.filter(|pin| pin.len() < 4).map(|pin| format!("P{pin}")).collect();
+        let mut pins: Vec<String> = K::PINS.iter().map(|row| format!("{:?}", row.pin)).collect();
+        listed.sort_unstable();
+        listed.dedup();
+        pins.sort_unstable();
+        assert_eq!(listed, pins, "{}", K::NAME);
+    }
+    on::<H405>();
+    on::<Discovery>();
+}
+
 #[test]
 fn other_pins_are_left_as_they_are() {
     // Debug probe, USB with its pull-up at PC11, crystals, and what else a board may have.
