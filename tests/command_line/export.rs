@@ -4,7 +4,7 @@ use std::fs;
 
 use dea_driver::chips::{Calibration, CommandRange};
 use dea_driver::wire::boards;
-use dea_driver::{Blob, Controller, OnSensorFault};
+use dea_driver::{Blob, BlobError, Controller, OnSensorFault};
 use host_sim::files::parameters::Parameters;
 use springpot::{Law, LawOptions, Preset, VoltageDrive};
 use tests::tool::{Bench, SIZES, names, number};
@@ -86,6 +86,27 @@ fn the_controller_runs_what_the_host_runs() {
                 assert_eq!(step.force_n.to_bits(), film.base_force().to_bits());
             }
         }
+    }
+}
+
+/// The table in `docs/boards.md`: what these converters cannot keep is refused on the host.
+#[test]
+fn the_table_of_a_board_with_converters_on_its_chip_goes_into_its_blob() {
+    let bench = Bench::new(TOOL);
+    let page = include_str!("../../docs/boards.md");
+    let table = page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a table");
+    let toml = Parameters::preset("table3-n2").expect("there").to_toml() + "\n" + table;
+    bench.write("p.toml", toml.clone());
+    let blob = exported(&bench, "p.toml", "1000");
+    assert!(Blob::decode(&blob, boards::STM32F407_DISCOVERY).is_ok());
+    assert!(matches!(Blob::decode(&blob, boards::STM32F405), Err(BlobError::Board { found: 0x0407 })));
+    for (good, fine, words) in [
+        ("stuck_band = 6e-6", "stuck_band = 2e-6", ["sensor.stuck_band", "widen the limit"]),
+        ("gain = 3400.0", "gain = 1000.0", ["reaches 2799", "limits.max_voltage_v"]),
+    ] {
+        assert!(toml.contains(good));
+        bench.write("fine.toml", toml.replace(good, fine));
+        names(&bench.fails("export --params fine.toml --rate 1000 --out fine.bin"), &words);
     }
 }
 

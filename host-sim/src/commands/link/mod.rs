@@ -227,7 +227,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Verb::Stream(stream) => return stream.run(client, json),
         Verb::SelfTest(test) => return test.run(client, &identity, port, json),
         Verb::FaultInjection(faults) => return faults.run(client, port, json),
-        Verb::Preflight => return self_test::SelfTest::preflight(client, port, json),
+        Verb::Preflight => return self_test::SelfTest::preflight(client, identity.board, port, json),
         Verb::FlightRecorder(recorder) => return recorder.run(client, port, json),
         Verb::Play(play) => return play.run(client, blob.as_deref(), json),
         Verb::Arm => {

@@ -116,9 +116,9 @@ impl SelfTest {
     }
 
     /// The checks that need no voltage, all that the board would refuse to be armed for, and the age of the last self-test.
-    pub(super) fn preflight(mut client: Client, port: String, json: bool) -> Result<()> {
+    pub(super) fn preflight(mut client: Client, board: u16, port: String, json: bool) -> Result<()> {
         let mut checks = Checks::default();
-        at_rest(&mut client, identity.board, &mut checks)?;
+        at_rest(&mut client, board, &mut checks)?;
         match client.ask(Command::Preflight)? {
             Answer::Preflight { refusals, self_test_s } => {
                 for refusal in &refusals {

@@ -6,7 +6,8 @@ use board_on_host::chip::gpio::Pin;
 use board_on_host::chip::rcc::Oscillators;
 use board_on_host::chip::violation::Violation;
 use board_on_host::hal::prelude::*;
-use board_on_host::stm32f407_discovery::Bench;
+use board_on_host::hal::rcc::Config;
+use board_on_host::stm32f407_discovery::{Bench, CYCLES_PER_TICK};
 use dea_driver::AmplifierError;
 use dea_driver::wire::Part;
 
@@ -169,6 +170,22 @@ fn the_mean_of_a_tick_has_less_noise_than_a_sample() {
     let deviation = variance.sqrt() / code_v;
     assert!((0.3..0.55).contains(&deviation), "{deviation} codes");
     assert!((mean - 1.0).abs() < 2.0 * code_v, "{mean} V");
+}
+
+/// The board's `CYCLES_PER_TICK` leaves 7 200 cycles for the controller on the internal oscillator, and so does its fastest tick, of 5 kHz, on the
+/// crystal's clock. A wait takes up to half again as long as it is asked to on this core.
+#[test]
+fn conversions_leave_time_for_the_controller() {
+    for (clocks, hz, cycles_per_tick) in [(Config::hsi(), 16e6, CYCLES_PER_TICK), (crystal(), 168e6, 168e6 / 5000.0)] {
+        let (board, _) = board_of::<Discovery>();
+        let mut bench = start_discovery(&board, clocks);
+        assert_eq!(tick(&board, &mut bench, Discovery::OFF).1, Ok(()));
+        let before = board.chip(|chip| chip.now_ns());
+        bench.sample();
+        assert_eq!(bench.apply(Discovery::OFF), Ok(()));
+        let cycles = 1.5 * (board.chip(|chip| chip.now_ns()) - before) as f64 * 1e-9 * hz;
+        assert!(cycles + 7200.0 < f64::from(cycles_per_tick), "{cycles} cycles at {hz} Hz");
+    }
 }
 
 #[test]
