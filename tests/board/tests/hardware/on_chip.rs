@@ -70,12 +70,14 @@ fn a_supply_that_drifts_is_followed() {
 #[test]
 fn a_supply_or_a_reference_outside_of_its_range_ends_in_the_tick() {
     type Spoil = fn(&Board);
-    let faults: [(&str, Spoil); 6] = [
+    let faults: [(&str, Spoil); 7] = [
         ("supply too low", |board| board.chip(|chip| chip.around.supply_v = 2.75)),
         ("supply too high", |board| board.chip(|chip| chip.around.supply_v = 3.25)),
         ("reference too low", |board| board.chip(|chip| chip.around.reference_v *= 0.9)),
         ("reference too high", |board| board.chip(|chip| chip.around.reference_v *= 1.1)),
         ("factory's code erased", |board| board.chip(|chip| chip.around.factory = 0xffff)),
+        // The supply would be 3.1 V.
+        ("factory's code of another chip", |board| board.chip(|chip| chip.around.factory = 1555)),
         ("ADC1 always the same", |board| board.chip(|chip| chip.adcs[0].always = Some(2048))),
     ];
     for (name, spoil) in faults {
@@ -126,6 +128,37 @@ fn a_dac_that_takes_no_codes_is_noticed_with_the_next_command() {
     assert_eq!(tick(&board, &mut bench, Discovery::ON).1, Ok(()));
     assert!(matches!(tick(&board, &mut bench, Discovery::ON).1, Err(AmplifierError::Readback { found: 0, .. })));
     assert!(!is_enabled(&board));
+}
+
+/// Its pin would not show it: a DAC may be off by more.
+#[test]
+fn a_dac_that_holds_a_code_beside_its_own_is_noticed() {
+    let (board, mut bench) = started();
+    for _ in 0..3 {
+        assert_eq!(tick(&board, &mut bench, Discovery::ON).1, Ok(()));
+    }
+    // 1.5 of 3 V, and a bit of its register that has flipped.
+    board.chip(|chip| chip.dac.holds = Some(2048 + 8));
+    assert_eq!(tick(&board, &mut bench, Discovery::ON).1, Ok(()));
+    assert!(matches!(tick(&board, &mut bench, Discovery::ON).1, Err(AmplifierError::Readback { found: 2056, .. })));
+    assert!(!is_enabled(&board));
+}
+
+/// None of its readings is that of a conversion before.
+#[test]
+fn an_adc_that_never_ends_a_conversion_has_no_readings() {
+    for index in 0..2 {
+        let (board, mut bench) = started();
+        for _ in 0..3 {
+            assert_eq!(tick(&board, &mut bench, Discovery::ON).1, Ok(()));
+        }
+        board.chip(|chip| chip.adcs[index].is_dead = true);
+        let (inputs, applied) = tick(&board, &mut bench, Discovery::ON);
+        assert_eq!((inputs.monitor_adc_v, inputs.sensor_adc_v), (None, None), "ADC{}", index + 1);
+        let found = bench.inspection();
+        assert_eq!((applied, found.monitor, found.sensor), (Err(AmplifierError::Bus), Part::Bus, Part::Bus));
+        assert!(!is_enabled(&board), "ADC{}", index + 1);
+    }
 }
 
 /// An ADC whose registers have changed is not believed, and set up again.
