@@ -100,6 +100,9 @@ fn the_table_of_a_board_with_converters_on_its_chip_goes_into_its_blob() {
     let blob = exported(&bench, "p.toml", "1000");
     assert!(Blob::decode(&blob, boards::STM32F407_DISCOVERY).is_ok());
     assert!(matches!(Blob::decode(&blob, boards::STM32F405), Err(BlobError::Board { found: 0x0407 })));
+    // With the number of the other board, as the page says, for the virtual board.
+    bench.write("virtual.toml", toml.replace("id = 0x0407", "id = 0x0405"));
+    assert!(Blob::decode(&exported(&bench, "virtual.toml", "1000"), boards::STM32F405).is_ok());
     for (good, fine, words) in [
         ("stuck_band = 6e-6", "stuck_band = 2e-6", ["sensor.stuck_band", "widen the limit"]),
         ("gain = 3400.0", "gain = 1000.0", ["reaches 2799", "limits.max_voltage_v"]),
