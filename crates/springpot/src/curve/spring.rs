@@ -96,6 +96,17 @@ impl Spring {
         Self::new(&knots)
     }
 
+    /// The spring, `factor` times as stiff everywhere.
+    ///
+    /// # Errors
+    ///
+    /// [`CurveError::Knot`] for a factor with which it is not finite.
+    pub fn scaled(&self, factor: f64) -> Result<Self, CurveError> {
+        let scaled = |knot: &Knot<f64>| Knot { value: factor * knot.value, slope: factor * knot.slope, ..*knot };
+        let knots: Vec<Knot<f64>, MAX_SPRING_KNOTS> = self.knots().iter().map(scaled).collect();
+        Self::new(&knots)
+    }
+
     /// The spring of knots in another number type.
     #[inline(never)]
     pub(crate) fn from_rounded<T: Scalar>(knots: &[Knot<T>]) -> Result<Self, CurveError> {

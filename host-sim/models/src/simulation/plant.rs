@@ -49,7 +49,7 @@ impl Plant for NonlinearPlant<'_> {
 /// How a plant differs from the parameters that describe it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mismatch {
-    /// Factor on every c: on the stiffness at all times.
+    /// Factor on every c and on the spring beside them: on the stiffness at all times.
     pub stiffness: f64,
     /// Factor on every order α. c keeps its value, so that at 1 rad/s (0.16 Hz) an element is as stiff as before: it creeps
     /// more, or less, around that.
@@ -68,9 +68,12 @@ impl Mismatch {
     pub fn apply(self, model: &Maxwell) -> Result<Maxwell> {
         let element = |e: &Springpot| Springpot::new(self.stiffness * e.c, self.alpha * e.alpha);
         let branches: Vec<[Springpot; 2]> = model.branches().iter().map(|pair| pair.each_ref().map(element)).collect();
-        Maxwell::new(element(&model.main()), &branches, model.topology(), model.mass_kg()).map_err(|error| {
-            Error::field("plant_mismatch", format!("stiffness={} alpha={}: {error}", self.stiffness, self.alpha))
-        })
+        Maxwell::new(element(&model.main()), &branches, model.topology(), model.mass_kg())
+            .map_err(|error| self.refused(&error))
+    }
+
+    fn refused(self, error: &dyn std::error::Error) -> Error {
+        Error::field("plant_mismatch", format!("stiffness={} alpha={}: {error}", self.stiffness, self.alpha))
     }
 }
 
@@ -126,12 +129,13 @@ impl FullMemoryPlant {
             return Err(Error::field("plant", cause));
         }
         let model = mismatch.apply(&parameters.model)?;
+        let spring = parameters.spring.as_ref().map(|spring| spring.scaled(mismatch.stiffness)).transpose();
         let massless = Maxwell::new(model.main(), model.branches(), model.topology(), 0.0)?;
         let relaxation = FullMemory::new(substeps, substep_s).force(&massless, &vec![1.0; substeps]);
         Ok(Self {
             actuator: parameters.actuator,
             curve: parameters.curve.as_ref().map(|curve| curve.pieces().clone()),
-            spring: parameters.spring.clone(),
+            spring: spring.map_err(|error| mismatch.refused(&error))?,
             last: 0.0,
             inertia: model.mass_kg() / (substep_s * substep_s),
             relaxation,

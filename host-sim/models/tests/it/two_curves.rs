@@ -19,7 +19,7 @@ use indicatif::ProgressBar;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
-use springpot::{Actuator, CommandLimits, Law, Load, Preload, Topology};
+use springpot::{Actuator, CommandLimits, Law, Load, Maxwell, Preload, Topology};
 
 use crate::sweep::full_sweep;
 use crate::{curves, fitting};
@@ -212,6 +212,30 @@ fn two_curves_are_found() {
             let share = film(&found, volts) / film(&truth, volts);
             assert!((share - 1.0).abs() < 0.01, "{drive} {preload:?}, {volts} V: {share}");
         }
+    }
+}
+
+/// A film whose forces are all `factor` times as large moves under √factor times the voltage as the film does under the voltage.
+#[test]
+fn a_mismatch_of_the_stiffness_is_one_of_memory_and_spring() {
+    let mut film = parsed(FILE).expect("valid");
+    (film.actuator.preload, film.actuator.stretch_coupling) = (Preload::Settled, 20.0);
+    film.model = Maxwell::new(film.model.main(), film.model.branches(), Topology::Parallel, 0.0).expect("valid");
+    let grid = Grid::covering(20.0, RATE_HZ).expect("a grid");
+    let moved = |stiffness: f64| {
+        let mismatch = Mismatch { stiffness, ..Mismatch::NONE };
+        let mut plant = FullMemoryPlant::at_rest(&film, mismatch, grid.step_s(), grid.samples).expect("a plant");
+        let mut step = |t: f64| {
+            plant.advance(stiffness.sqrt() * 3000.0 * t.sin());
+            plant.displacement_m()
+        };
+        grid.times_s().into_iter().map(&mut step).collect::<Vec<f64>>()
+    };
+    let expected = moved(1.0);
+    assert!(expected.iter().any(|x| *x > 1e-3), "{expected:?}");
+    for stiffness in [0.5, 0.8, 1.3] {
+        let moved = moved(stiffness);
+        assert!(moved.iter().zip(&expected).all(|(x, y)| (x - y).abs() < 1e-9 * 1e-3), "{stiffness}");
     }
 }
 
