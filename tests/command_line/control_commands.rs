@@ -1,7 +1,8 @@
 //! The commands of control as scripts call them.
 
 use serde_json::Value;
-use tests::tool::{Bench, SIZES, names, number, rows};
+use tests::thinned_recordings;
+use tests::tool::{Bench, SIZES, failed, names, number, rows};
 
 use crate::TOOL;
 
@@ -104,6 +105,19 @@ fn observe_estimates_a_recording() {
     }
     bench.json("observe --params soft.toml hossain-5s.csv --out out.csv --every 500");
     assert_eq!(bench.column("out.csv", "time_s")[..3], [0.0, 0.5, 1.0]);
+}
+
+/// A sensor of 4 Hz is too slow for 0.6 Hz: the default is the most that it allows.
+#[test]
+fn observe_takes_a_slow_sensor() {
+    let bench = bench();
+    thinned_recordings("hossain", &bench.path(""), 25);
+    let report = bench.json("observe --params soft.toml hossain-5s.csv --out out.csv");
+    let hz = number(&report["bandwidth_hz"]);
+    assert!((0.1..0.5).contains(&hz) && report["samples"] == 621, "{report}");
+    let stated = |hz: f64| format!("observe --params soft.toml hossain-5s.csv --out out.csv --bandwidth {hz}");
+    assert!((number(&bench.json(&stated(0.999 * hz))["bandwidth_hz"]) - 0.999 * hz).abs() < 1e-6);
+    names(&failed(bench.with(&stated(1.01 * hz))), &["--bandwidth"]);
 }
 
 #[test]

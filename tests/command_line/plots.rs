@@ -16,7 +16,7 @@ const COMMANDS: [(&str, &[&str]); 7] = [
         &["Reference and model", "Voltage"],
     ),
     (
-        "observe --params preset:table3-n2 --rate 100 --bandwidth 0.1 --out out.csv wang-5s.csv",
+        "observe --params preset:table3-n2 --rate 100 --out out.csv wang-5s.csv",
         &["Sensor and estimate", "Innovation", "Disturbance force"],
     ),
     (

@@ -40,9 +40,10 @@ pub(super) struct Arguments {
     every: Option<NonZeroUsize>,
     #[command(flatten)]
     plot: PlotOption,
-    /// Up to here the estimate follows the sensor, beyond it the model.
-    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 0.6)]
-    bandwidth: f64,
+    /// Up to here the estimate follows the sensor, beyond it the model; 0.6 Hz, or the most for a slower sensor, if left
+    /// out.
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz)]
+    bandwidth: Option<f64>,
     /// Time over which a disturbance that swings with the load becomes a change of the force scale; 0 for never.
     #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 30.0)]
     adaptation: f64,
@@ -82,9 +83,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     [Some(table), drawn].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || {
         format!(
-            "{}: {} sensor samples, innovation {} µm RMS, at the end disturbance {} N and force scale {}",
+            "{}: {} sensor samples, bandwidth {} Hz, innovation {} µm RMS, at the end disturbance {} N and force scale {}",
             report.out,
             observed.samples,
+            decimals(observed.bandwidth_hz, 2),
             decimals(1e6 * observed.innovation_rms_m, 2),
             decimals(observed.disturbance_n, 3),
             decimals(observed.force_scale, 4)

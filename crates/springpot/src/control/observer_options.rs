@@ -51,6 +51,12 @@ impl ObserverOptions {
         Self { bandwidth_hz, sample_interval_s: 0.01, delay_s: 0.01, lost_after_s: 0.05, adaptation_s: 30.0 }
     }
 
+    /// The largest bandwidth that a sensor of this interval and delay allows, Hz.
+    #[must_use]
+    pub fn max_bandwidth_hz(&self) -> f64 {
+        MAX_PHASE / (TAU * (self.sample_interval_s + self.delay_s))
+    }
+
     pub(super) fn check(&self) -> Result<(), ControlError> {
         let Self { bandwidth_hz, sample_interval_s, delay_s, lost_after_s, adaptation_s } = *self;
         let values =
@@ -68,7 +74,7 @@ impl ObserverOptions {
         if lost_after_s < sample_interval_s {
             return Err(ControlError::LostBetweenSamples { lost_after_s, sample_interval_s });
         }
-        let largest_hz = MAX_PHASE / (TAU * (sample_interval_s + delay_s));
+        let largest_hz = self.max_bandwidth_hz();
         if bandwidth_hz > largest_hz {
             return Err(ControlError::SensorTooSlow { bandwidth_hz, largest_hz });
         }

@@ -15,6 +15,8 @@ use crate::replay::memory::{OnLaw, Precision, on_compressed};
 /// Estimates, one value per sample of the grid.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Estimates {
+    /// Bandwidth of the observer, Hz.
+    pub bandwidth_hz: f64,
     /// The estimated displacement, m.
     pub displacement_m: Vec<f64>,
     /// The sensor's reading that arrived, offset included, m; NaN where none did.
@@ -34,6 +36,8 @@ pub struct Estimates {
 /// An observer's run over a recording in a few numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ObserverSummary {
+    /// Bandwidth of the observer, Hz.
+    pub bandwidth_hz: f64,
     /// Sensor samples that were used.
     pub samples: usize,
     /// RMS of the innovation over all of them, m.
@@ -51,6 +55,7 @@ impl Estimates {
         let (samples, square) = taken.fold((0, 0.0), |(n, sum), (_, e)| (n + 1, sum + e * e));
         let last = |values: &[f64]| values.last().copied().unwrap_or(f64::NAN);
         ObserverSummary {
+            bandwidth_hz: self.bandwidth_hz,
             samples,
             innovation_rms_m: (square / samples as f64).sqrt(),
             disturbance_n: last(&self.disturbance_n),
@@ -84,11 +89,15 @@ pub fn options(bandwidth_hz: f64, adaptation_s: f64, measured: &Samples, grid: G
     Ok(control.observer_options())
 }
 
+/// Default bandwidth of an observer, Hz.
+pub const DEFAULT_BANDWIDTH_HZ: f64 = 0.6;
+
 /// How an observer of a recording is tuned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// Up to here the estimate follows the sensor, beyond it the model, Hz.
-    bandwidth_hz: f64,
+    /// Up to here the estimate follows the sensor, beyond it the model, Hz; [`DEFAULT_BANDWIDTH_HZ`], or the most that a
+    /// slower sensor allows, if `None`.
+    bandwidth_hz: Option<f64>,
     /// Time over which a disturbance that swings with the load becomes a change of the force scale, s; 0 for never.
     adaptation_s: f64,
 }
@@ -99,8 +108,10 @@ impl Tuning {
     /// # Errors
     ///
     /// [`Error::Field`] naming the one that is not.
-    pub fn new(bandwidth_hz: f64, adaptation_s: f64) -> Result<Self> {
-        positive("bandwidth_hz", bandwidth_hz)?;
+    pub fn new(bandwidth_hz: Option<f64>, adaptation_s: f64) -> Result<Self> {
+        if let Some(hz) = bandwidth_hz {
+            positive("bandwidth_hz", hz)?;
+        }
         at_most("adaptation_s", adaptation_s, 1e9)?;
         Ok(Self { bandwidth_hz, adaptation_s })
     }
@@ -145,10 +156,12 @@ impl ObservedRecording {
         progress: &dyn Watch,
     ) -> Result<Estimates> {
         let delay_s = parameters.sensor_delay_s.max(0.0);
-        let options = ObserverOptions {
-            delay_s,
-            ..options(tuning.bandwidth_hz, tuning.adaptation_s, &self.measured, self.grid)?
-        };
+        let wanted_hz = tuning.bandwidth_hz.unwrap_or(DEFAULT_BANDWIDTH_HZ);
+        let mut options =
+            ObserverOptions { delay_s, ..options(wanted_hz, tuning.adaptation_s, &self.measured, self.grid)? };
+        if tuning.bandwidth_hz.is_none() {
+            options.bandwidth_hz = options.bandwidth_hz.min(options.max_bandwidth_hz());
+        }
         estimate(parameters, &self.voltage_v, &self.measured, self.grid, options, precision, progress)
     }
 }
@@ -207,7 +220,7 @@ impl OnLaw for ObserverRun<'_> {
         let observer: Observer<T, M> =
             Observer::new(law, &self.parameters.actuator, f64::from(largest as f32), self.options).map_err(refused)?;
         let mut state = observer.state(rest);
-        let mut estimates = Estimates::default();
+        let mut estimates = Estimates { bandwidth_hz: self.options.bandwidth_hz, ..Estimates::default() };
         let mut next = 0;
         for (k, &volts) in self.voltage_v.iter().enumerate() {
             // The newest of the samples that were measured since the last tick.
