@@ -1,5 +1,8 @@
 //! The control tick.
 
+#[cfg(feature = "link")]
+mod intact;
+
 use springpot::{AmplifierLag, Applied, Compressed, Follower, FollowerState, Law, LawState, Limited, Load, Tracking};
 
 #[cfg(feature = "loop-test")]
@@ -8,8 +11,6 @@ use crate::control::sampler::Sampler;
 use crate::control::setpoint::{Ramp, SetpointError};
 use crate::control::{LearningOrder, Mode, Telemetry};
 use crate::parameters::{Blob, ControllerMemory, Parameters, Watched};
-#[cfg(feature = "link")]
-use crate::parameters::{digest, digest_of};
 use crate::safety::{Cause, Motion, Readings, Refusal, Supervisor};
 
 /// Largest correction that may be learned of a periodic reference, as a share of the largest displacement: more trips as a disturbance.
@@ -17,10 +18,6 @@ const MAX_LEARNED: f32 = 0.25;
 
 /// Time for which a film has been held at the end of its stroke before a controller of which nothing else is known, s.
 const ASSUMED_HELD_S: f64 = 3600.0;
-
-/// Parts of a check of the memory, one at a time: a tick that becomes due meanwhile waits for it.
-#[cfg(feature = "link")]
-const DIGESTS: usize = 7;
 
 /// Longest time in which a new target is approached, s.
 const RAMP_S: f32 = 0.05;
@@ -125,53 +122,11 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     checksum: Option<u32>,
     /// Digests of all that does not change, once it is sealed.
     #[cfg(feature = "link")]
-    digests: Option<[u32; DIGESTS]>,
+    digests: Option<intact::Digests>,
     /// The film as the ticks estimate it, its reference, and what is learned of its cycles.
     course: FollowerState<f32, Tracking<f32, M>>,
     #[cfg(feature = "loop-test")]
     test: LoopTest<M>,
-}
-
-/// Everything of a controller that does not change.
-#[cfg(feature = "link")]
-struct Constants<'a, M: ControllerMemory> {
-    parameters: &'a Parameters<M>,
-    follower: &'a Follower<f32, Tracking<f32, M>>,
-    watched: &'a Law<f32, Watched>,
-    supervisor: &'a Supervisor,
-    motion: &'a Motion,
-    scales: [f32; 3],
-    lags: bool,
-}
-
-#[cfg(feature = "link")]
-impl<M: ControllerMemory> Constants<'_, M> {
-    #[inline(never)] // so that copies of the laws do not stay on the stack of a small chip
-    fn digests(&self) -> [u32; DIGESTS] {
-        core::array::from_fn(|part| self.digest(part))
-    }
-
-    /// The digest of a part.
-    fn digest(&self, part: usize) -> u32 {
-        let p = self.parameters;
-        match part {
-            0 => digest(&p.law),
-            1 => digest(&(
-                &p.name,
-                p.rate_hz,
-                p.actuator,
-                p.sensor_offset_m,
-                p.command_range,
-                p.amplifier_lag,
-                p.control,
-            )),
-            2 => digest(&(&p.amplifier, &p.monitor, &p.sensor)),
-            3 => digest(&p.limits),
-            4 => digest_of(|fold| M::numbers(self.follower, fold)),
-            5 => digest_of(|fold| self.watched.numbers(fold)),
-            _ => digest(&(self.supervisor.constants(), self.motion.constants(), self.scales, self.lags)),
-        }
-    }
 }
 
 /// As [`Controller::new`], of a blob that stays: a small chip has no room to move it.
@@ -244,35 +199,6 @@ impl<M: ControllerMemory> Controller<M> {
             lags,
             target: Ramp::NONE,
         }
-    }
-
-    #[cfg(feature = "link")]
-    fn constants(&self) -> Constants<'_, M> {
-        Constants {
-            parameters: &self.parameters,
-            follower: &self.follower,
-            watched: &self.watched,
-            supervisor: &self.supervisor,
-            motion: &self.motion,
-            scales: [self.thinning_per_m, self.shares_per_n, self.shares_per_m],
-            lags: self.lags,
-        }
-    }
-
-    /// From now on the memory is checked.
-    #[cfg(feature = "link")]
-    pub(crate) fn seal(&mut self) {
-        self.digests = Some(self.constants().digests());
-    }
-
-    /// Whether a part of all that does not change is as it was sealed, and what changes is such as ticks leave it; parts are counted on and on.
-    #[cfg(feature = "link")]
-    pub(crate) fn is_intact(&self, part: u8) -> bool {
-        let part = usize::from(part) % DIGESTS;
-        let sealed = self.digests.as_ref().and_then(|digests| digests.get(part));
-        sealed.is_none_or(|&sealed| sealed == self.constants().digest(part))
-            && self.supervisor.is_sound()
-            && self.motion.is_sound()
     }
 
     /// The same controller of the film that `before` has driven: what is left of its creep counts for the stroke, until a plausible sensor
