@@ -33,6 +33,9 @@ const FACTORY_CODES: core::ops::RangeInclusive<u16> = 1464..=1539;
 /// changes only with its own code otherwise, so that a sensor which is stuck stays the same.
 const SUPPLY_WEIGHT: f32 = 1.0 / 64.0;
 const SUPPLY_CODES: f32 = 1.0;
+/// Largest change of the supply, as the chip's reference shows it, since it was measured first: a regulator that warms changes by less. A reference that
+/// fails, which nothing else would show, looks the same.
+pub const MAX_SUPPLY_CHANGE: f32 = 0.04;
 /// Channel 2 of the DAC is on, without its buffer and without a trigger.
 const DAC_CR: u32 = 1 << 16 | 1 << 17;
 /// The DAC's pin is off by its offset, linearity and load, and by the ADC's: so many codes at 0 V, and this share of the code.
@@ -67,7 +70,8 @@ pub struct Adcs {
     start_cycles: u32,
     ratio: u32,
     is_set: bool,
-    /// The code of the reference: its mean, and the one that the supply follows from. NaN before the first.
+    /// The code of the reference: the first one, its mean, and the one that the supply follows from. NaN before the first.
+    first: f32,
     mean: f32,
     used: f32,
 }
@@ -84,8 +88,8 @@ impl Adcs {
         let control = 1 << 23 | divider << 16;
         // 20 µs: the ADCs take 3, the reference 10.
         let (start_cycles, ratio) = (core_hz / 50_000, 2 * (divider + 1) * (core_hz / bus_hz));
-        let (mean, used) = (f32::NAN, f32::NAN);
-        Self { adc1, adc2, common, channels, control, start_cycles, ratio, is_set: false, mean, used }
+        let (first, mean, used) = (f32::NAN, f32::NAN, f32::NAN);
+        Self { adc1, adc2, common, channels, control, start_cycles, ratio, is_set: false, first, mean, used }
     }
 
     /// Converts both sensors, the chip's reference and the DAC's pin. An ADC that does not answer, or is not as it was set, is set up again.
@@ -166,7 +170,7 @@ impl Adcs {
     }
 
     /// The analog supply, V, from the `code` of the chip's reference. Refused outside of the supply's range, which an ADC that does not convert is
-    /// as well.
+    /// as well, and too far from the first.
     fn supply(&mut self, code: u16) -> Result<f32, AdcError> {
         // SAFETY: the system memory can be read at any time.
         let factory = unsafe { FACTORY.read_volatile() };
@@ -175,8 +179,14 @@ impl Adcs {
         if !FACTORY_CODES.contains(&factory) || !(low_v..=high_v).contains(&supply_v(code.into())) {
             return Err(AdcError::Range { wanted: factory, found: code });
         }
-        let code = f32::from(code);
-        self.mean = if self.mean.is_nan() { code } else { self.mean + SUPPLY_WEIGHT * (code - self.mean) };
+        let found = f32::from(code);
+        if self.first.is_nan() {
+            (self.first, self.mean) = (found, found);
+        }
+        if (found / self.first - 1.0).abs() > MAX_SUPPLY_CHANGE {
+            return Err(AdcError::Range { wanted: self.first as u16, found: code });
+        }
+        self.mean += SUPPLY_WEIGHT * (found - self.mean);
         let stays = (self.mean - self.used).abs() <= SUPPLY_CODES;
         self.used = if stays { self.used } else { self.mean };
         Ok(supply_v(self.used))

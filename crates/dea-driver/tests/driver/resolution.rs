@@ -127,5 +127,8 @@ fn the_page_states_what_the_converters_cost() {
         assert_eq!(largest.encode(BOARD, &mut [0; BLOB_LEN]).is_ok(), kept, "{max_voltage_v} V");
     }
     states("voltage beyond `max_voltage_v` that is not noticed, chip in order", "1 %".into());
-    states("the same with a reference that fails slowly", format!("{:.0} %", 100.0 * (high_v / low_v - 1.0)));
+    states(
+        "the same with a reference that was off when it was switched on",
+        format!("{:.0} %", 100.0 * (high_v / low_v - 1.0)),
+    );
 }

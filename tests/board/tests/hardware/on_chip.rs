@@ -7,6 +7,7 @@ use board_on_host::chip::rcc::Oscillators;
 use board_on_host::chip::violation::Violation;
 use board_on_host::hal::prelude::*;
 use board_on_host::hal::rcc::Config;
+use board_on_host::on_chip::MAX_SUPPLY_CHANGE;
 use board_on_host::stm32f407_discovery::{Bench, CYCLES_PER_TICK};
 use dea_driver::AmplifierError;
 use dea_driver::wire::Part;
@@ -66,16 +67,44 @@ fn a_supply_that_drifts_is_followed() {
     assert!((f64::from(found) - 1.5).abs() < 2.0 * Discovery::STEP_V, "{found} V");
 }
 
+/// The film's voltage is off by as much as the reference is, which the monitor does not see: the page states how far.
+#[test]
+fn a_reference_that_fails_later_is_noticed_before_the_share_on_the_page() {
+    let share = 100.0 * MAX_SUPPLY_CHANGE;
+    let page = include_str!("../../../../docs/boards.md");
+    assert!(
+        page.contains(&format!("\n| the same with a reference that fails later | 0: two references | {share:.0} %"))
+    );
+    let (board, mut bench) = started();
+    let mut largest = 1.0_f64;
+    for _ in 0..1000 {
+        // The mean is behind it by 64 ticks.
+        board.chip(|chip| chip.around.reference_v *= 1.0001);
+        if tick(&board, &mut bench, Discovery::ON).1.is_err() {
+            break;
+        }
+        largest = largest.max(Discovery.command_v(&board) / (f64::from(Discovery::ON.dac_v) * Discovery::LOADED));
+    }
+    assert!(!is_enabled(&board));
+    let end = 1.0 + f64::from(MAX_SUPPLY_CHANGE);
+    assert!((end - 0.01..end + 0.001).contains(&largest), "{largest}");
+}
+
 /// Readings of the others are without value then, and so is the command.
 #[test]
 fn a_supply_or_a_reference_outside_of_its_range_ends_in_the_tick() {
     type Spoil = fn(&Board);
-    let faults: [(&str, Spoil); 7] = [
+    let faults: [(&str, Spoil); 11] = [
         ("supply too low", |board| board.chip(|chip| chip.around.supply_v = 2.75)),
         ("supply too high", |board| board.chip(|chip| chip.around.supply_v = 3.25)),
         ("reference too low", |board| board.chip(|chip| chip.around.reference_v *= 0.9)),
         ("reference too high", |board| board.chip(|chip| chip.around.reference_v *= 1.1)),
         ("factory's code erased", |board| board.chip(|chip| chip.around.factory = 0xffff)),
+        // Within the range, and further from the first than a regulator goes.
+        ("supply that falls", |board| board.chip(|chip| chip.around.supply_v = 2.86)),
+        ("supply that rises", |board| board.chip(|chip| chip.around.supply_v = 3.15)),
+        ("reference that falls", |board| board.chip(|chip| chip.around.reference_v *= 0.95)),
+        ("reference that rises", |board| board.chip(|chip| chip.around.reference_v *= 1.05)),
         // The supply would be 3.1 V.
         ("factory's code of another chip", |board| board.chip(|chip| chip.around.factory = 1555)),
         ("ADC1 always the same", |board| board.chip(|chip| chip.adcs[0].always = Some(2048))),
