@@ -265,6 +265,18 @@ pub enum ControlError {
         /// The largest one for this sensor, Hz.
         largest_hz: f64,
     },
+    /// A bandwidth with which single precision cannot compute: below 1e-9 Hz, a cycle of 30 years.
+    #[error("bandwidth {bandwidth_hz:e} Hz is too low; 1e-9 Hz at the least")]
+    BandwidthTooLow {
+        /// The bandwidth, Hz.
+        bandwidth_hz: f64,
+    },
+    /// A force at the largest voltage with which single precision cannot compute.
+    #[error("the force at the largest voltage is {force_n:e} N; from 1e-12 to 1e12 N are possible")]
+    Force {
+        /// The force, N.
+        force_n: f64,
+    },
     /// A delay of the sensor that is longer than the observer's memory of predictions.
     #[error(
         "samples of the sensor are {ticks} ticks late; {most} at the most: a lower rate of the law has longer ticks"

@@ -133,6 +133,8 @@ state_traits!(ObserverState<T, M, PAST> {
 
 /// Tolerance of times in ticks: they may have been rounded to single precision.
 const TIME_ROUNDING: f64 = 1e-4;
+/// Possible forces at the largest voltage, N: squares and sums of them stay within single precision.
+const FORCES_N: core::ops::RangeInclusive<f64> = 1e-12..=1e12;
 /// Rate of the slow means, 1/s.
 const AVERAGING_RATE: f64 = 1.0 / 20.0;
 /// Samples over which the statistics average.
@@ -200,6 +202,9 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         let omega = TAU * bandwidth_hz;
         let share = |rate: f64| T::from_f64(share_per_step(rate, step_s));
         let largest_force = actuator.electrostatic_force(max_voltage_v);
+        if !FORCES_N.contains(&largest_force) {
+            return Err(ControlError::Force { force_n: largest_force });
+        }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
         let lost_after = libm::ceil(lost_after_s / step_s - TIME_ROUNDING) as u32;
         Ok(Self {

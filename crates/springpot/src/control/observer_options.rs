@@ -7,6 +7,9 @@ use crate::error::{ControlError, first_not_positive};
 /// Largest ω (interval + delay): phase lag of the samples at the bandwidth, rad.
 const MAX_PHASE: f64 = 0.35;
 
+/// Smallest bandwidth, Hz: in single precision the weights of a sample are far from 0.
+const MIN_BANDWIDTH_HZ: f64 = 1e-9;
+
 /// How an [`Observer`](crate::Observer) corrects. Times in s.
 ///
 /// ```
@@ -63,6 +66,9 @@ impl ObserverOptions {
             [("bandwidth_hz", bandwidth_hz), ("sample_interval_s", sample_interval_s), ("lost_after_s", lost_after_s)];
         if let Some((quantity, value)) = first_not_positive(&values) {
             return Err(ControlError::NotPositive { quantity, value });
+        }
+        if bandwidth_hz < MIN_BANDWIDTH_HZ {
+            return Err(ControlError::BandwidthTooLow { bandwidth_hz });
         }
         if !(delay_s.is_finite() && delay_s >= 0.0) {
             return Err(ControlError::NotPositive { quantity: "delay_s", value: delay_s });

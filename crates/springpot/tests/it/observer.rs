@@ -272,6 +272,37 @@ fn invalid_observers_are_refused() {
     assert_eq!(new(rounded), Ok(()));
 }
 
+/// Of bandwidths and permittivities over all of single precision: what is accepted stays finite.
+#[test]
+fn an_accepted_tracking_stays_finite() {
+    let law: Law<f32> = Law::compressed(&model(1.0), LawOptions::at_step(1e-3)).expect("a law");
+    let limits = CommandLimits::BENCH;
+    let mut accepted = 0;
+    for exponent in -42..38 {
+        let value = f64::from(10f32.powi(exponent));
+        for (bandwidth_hz, relative_permittivity) in [(value, 4.7), (0.6, value)] {
+            let actuator = Actuator { relative_permittivity, ..Actuator::KARNER_2022 };
+            let options = ObserverOptions::at_bandwidth(bandwidth_hz);
+            let Ok(tracking) = Tracking::<f32>::new(law.clone(), &actuator, limits, options) else { continue };
+            accepted += 1;
+            let mut state = tracking.state(law.state());
+            for k in 0..2000u16 {
+                let sample = SensorSample { displacement_m: 1e-6 * f32::from(k), age_ticks: 10 };
+                tracking.observe(
+                    &mut state,
+                    Applied::as_commanded(3.0 * f32::from(k)),
+                    (k % 10 == 0).then_some(sample),
+                );
+                let command = tracking.command(&mut state, 1e-3);
+                let observer = state.observer();
+                let numbers = [command.voltage_v, observer.disturbance(), observer.force_scale()];
+                assert!(numbers.iter().all(|x| x.is_finite()), "{bandwidth_hz} {relative_permittivity}: {numbers:?}");
+            }
+        }
+    }
+    assert!(accepted > 20);
+}
+
 /// A bandwidth above a third of the resonance is refused. The resonance is read from the continuous model: where the force is no
 /// longer in phase with the displacement.
 #[test]

@@ -197,6 +197,7 @@ pub fn refused(error: ControlError) -> Error {
     match error {
         ControlError::Actuator(error) => error.into(),
         ControlError::SensorTooLate { .. } => Error::field("sensor_delay_s", error.to_string()),
+        ControlError::Force { .. } => Error::Computation(error.to_string()),
         error => Error::field("bandwidth_hz", error.to_string()),
     }
 }
