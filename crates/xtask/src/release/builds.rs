@@ -107,12 +107,24 @@ impl Source {
     }
 }
 
+/// Section of an executable in which cargo-auditable lists its dependencies.
+const DEPENDENCIES: &[u8] = b".dep-v0";
+
 /// Builds the tool, and returns where it is.
 pub fn tool(source: &Source, system: &System) -> Result<PathBuf> {
     let target = system.target;
-    let line = format!("auditable build --release --locked --package host-sim --bin springpot --target {target}");
-    run_command(source.linked(source.cargo(&line), system))?;
-    Ok(source.target().join(target).join("release").join(format!("springpot{}", system.end)))
+    let line = format!("build --release --locked --package host-sim --bin springpot --target {target}");
+    let mut build = source.linked(source.cargo(&line), system);
+    // As `cargo auditable` does, but by its name: names of symbols depend on the path of a wrapper.
+    build.env("RUSTC_WORKSPACE_WRAPPER", "cargo-auditable");
+    build.env("CARGO_AUDITABLE_ORIG_ARGS", r#"{"offline":false,"locked":true,"frozen":false,"config":[]}"#);
+    run_command(build)?;
+    let tool = source.target().join(target).join("release").join(format!("springpot{}", system.end));
+    let bytes = fs::read(&tool).map_err(at(&tool))?;
+    match bytes.windows(DEPENDENCIES.len()).any(|window| window == DEPENDENCIES) {
+        true => Ok(tool),
+        false => Err(format!("{}: cargo-auditable has not listed its dependencies", tool.display())),
+    }
 }
 
 /// Builds the Python package for Linux and Windows on x86-64, for every Python from 3.11 on.
