@@ -1,4 +1,4 @@
-//! Samples at their times and evenly sampled series: linear interpolation both ways.
+//! Samples at their times and evenly sampled series, interpolated both ways.
 
 use crate::error::{Error, Result};
 
@@ -14,6 +14,32 @@ pub struct Samples {
 impl Samples {
     /// Their values at increasing `times`, interpolated linearly, constant beyond both ends.
     pub fn at(&self, times: impl Iterator<Item = f64>) -> Vec<f64> {
+        self.interpolated(times, |_, _, _| 0.0)
+    }
+
+    /// The same with the curvature of smooth values: by the cubic through four of them, linearly where the curvature on both sides has not the
+    /// same sign, so that steps, ramps and corners stay as they are.
+    pub fn curved_at(&self, times: impl Iterator<Item = f64>) -> Vec<f64> {
+        let (time, value) = (&self.time_s, &self.value);
+        let slope = |k: usize| (value[k + 1] - value[k]) / (time[k + 1] - time[k]);
+        let second = |k: usize| (slope(k + 1) - slope(k)) / (time[k + 2] - time[k]);
+        self.interpolated(times, |before, next, now| {
+            if before == 0 || next + 1 == time.len() {
+                return 0.0;
+            }
+            let [first, last] = [second(before - 1), second(before)];
+            let third = (last - first) / (time[next + 1] - time[before - 1]);
+            let curvature = first + (now - time[before - 1]) * third;
+            if first * last > 0.0 { (now - time[before]) * (now - time[next]) * curvature } else { 0.0 }
+        })
+    }
+
+    /// The values of lines through neighbours `before` and `next` plus the `correction` between them.
+    fn interpolated(
+        &self,
+        times: impl Iterator<Item = f64>,
+        correction: impl Fn(usize, usize, f64) -> f64,
+    ) -> Vec<f64> {
         let (time, value) = (&self.time_s, &self.value);
         let mut next = 0;
         let at = |now: f64| {
@@ -23,7 +49,7 @@ impl Samples {
             match (next.checked_sub(1), value.get(next)) {
                 (Some(before), Some(after)) => {
                     let share = (now - time[before]) / (time[next] - time[before]);
-                    value[before] + share * (after - value[before])
+                    value[before] + share * (after - value[before]) + correction(before, next, now)
                 }
                 (Some(last), None) => value[last],
                 (None, first) => first.copied().unwrap_or(0.0),
@@ -83,6 +109,11 @@ impl Grid {
     /// `samples` interpolated linearly to the grid, constant beyond both ends.
     pub fn resample(&self, samples: &Samples) -> Vec<f64> {
         samples.at((0..self.samples).map(|k| self.time_s(k)))
+    }
+
+    /// The same with the curvature of smooth values ([`Samples::curved_at`]).
+    pub fn resample_curved(&self, samples: &Samples) -> Vec<f64> {
+        samples.curved_at((0..self.samples).map(|k| self.time_s(k)))
     }
 
     /// `series` on this grid, interpolated linearly to `times` within it.

@@ -2,6 +2,7 @@
 
 mod cut_files;
 mod damaged_files;
+mod grid;
 mod instruments;
 mod lab_files;
 mod misreadings;

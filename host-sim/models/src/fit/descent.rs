@@ -53,7 +53,7 @@ impl PreparedObservations {
         Ok(Self {
             scout: scouted(&thinned).map(|beginnings| Objective::thinned(&beginnings)).transpose()?,
             coarse: Objective::thinned(&thinned)?,
-            fine: Objective::new(observations)?,
+            fine: Objective::new(observations, actuator.preload)?,
             scales: Scales::new(observations, actuator.force_per_square_volt()),
             excitation: Excitation::new(observations),
             evaluations: AtomicUsize::new(0),

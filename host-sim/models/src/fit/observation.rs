@@ -83,6 +83,7 @@ pub fn observe_prepared(
     let median_step_s = median(&steps);
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let (rate_hz, uneven) = rate(&steps, median_step_s, drive);
+    let rate_hz = rate_hz * steps_per_row(&load(&input), 1.0 / rate_hz, drive);
     let gap = if preparation.gaps == Gaps::Interpolate { gap(&steps, median_step_s, drive) } else { skipped };
     let of = |severity: Severity| move |text: String| (severity, text);
     let warnings = gap
@@ -164,16 +165,60 @@ fn rate(steps: &[f64], median_step_s: f64, drive: &Samples) -> (f64, Option<Stri
     (rate_hz, Some(warning))
 }
 
+impl Observation {
+    /// Whether the load, 0 before the first row, jumps by more than a tenth of its range from one row to the next, and not as fast everywhere.
+    pub(super) fn jumps(&self) -> bool {
+        const LARGE: f64 = 0.1;
+        let load = load(&self.input);
+        let size = change(&load);
+        let mut changes: Vec<f64> = load.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+        changes.sort_by(f64::total_cmp);
+        let usual = changes.get(changes.len() * 9 / 10).copied().unwrap_or(0.0);
+        let starts = load.first().is_some_and(|first| first.abs() > LARGE * size);
+        starts || changes.last().is_some_and(|most| *most > (LARGE * size).max(5.0 * usual))
+    }
+}
+
+/// The quantity that a response is nearly proportional to, for each row: the square of a voltage.
+fn load(input: &Input) -> Vec<f64> {
+    let values = &input.samples().value;
+    match input {
+        Input::Voltage(_) => values.iter().map(|v| v * v).collect(),
+        Input::Force(_) | Input::Displacement(_) => values.clone(),
+    }
+}
+
+/// Steps of the model for each row of a `load` with so coarse rows that it bends between them: a line through two rows would miss it by more
+/// than 0.02 % of its range. Corners, steps and noise are not finer with more steps.
+fn steps_per_row(load: &[f64], step_s: f64, drive: &Samples) -> f64 {
+    const ALLOWED: f64 = 2e-4;
+    const MAX_STEPS: f64 = 8.0;
+    let duration_s = drive.time_s.last().copied().unwrap_or(0.0);
+    // Mean square of second differences over so many rows, without corners and steps.
+    let bend = |rows: usize| {
+        let even = |k: &usize| {
+            let [a, b, c] = [0, rows, 2 * rows].map(|ahead| drive.time_s[k + ahead]);
+            (b - a - rows as f64 * step_s).abs().max((c - b - rows as f64 * step_s).abs()) < 0.1 * step_s
+        };
+        let count = load.len().saturating_sub(2 * rows);
+        let second = |k: usize| (load[k] - 2.0 * load[k + rows] + load[k + 2 * rows]).powi(2);
+        let mut squares: Vec<f64> = (0..count).filter(even).map(second).collect();
+        squares.sort_by(f64::total_cmp);
+        squares.truncate(squares.len() * 49 / 50);
+        squares.iter().sum::<f64>() / squares.len().max(1) as f64
+    };
+    // Of a smooth load it grows with the fourth power, of noise not at all.
+    let smooth = ((bend(2) - bend(1)) / 15.0).max(0.0).sqrt();
+    let steps = (smooth / 8.0 / (ALLOWED * change(load))).sqrt().ceil();
+    steps.min(MAX_UNEVEN_STEPS * step_s / duration_s).clamp(1.0, MAX_STEPS)
+}
+
 /// The observation with fewer samples, of which the input is still followed to 0.2 % of its range: some 30 for a period of a sine.
 #[must_use]
 pub fn thinned(observation: &Observation) -> Observation {
     const MIN_SAMPLES: usize = 800;
     const ALLOWED: f64 = 0.002;
-    let drive = observation.input.samples();
-    let load: Vec<f64> = match observation.input {
-        Input::Voltage(_) => drive.value.iter().map(|v| v * v).collect(),
-        Input::Force(_) | Input::Displacement(_) => drive.value.clone(),
-    };
+    let load = load(&observation.input);
     let size = change(&load);
     let follows = |every: usize| {
         let error: f64 = load

@@ -313,7 +313,7 @@ impl<'a> LeftOut<'a> {
     pub fn new(
         observations: &[Observation],
         whole: &'a Objective,
-        objective: fn(&[Observation]) -> Result<Objective>,
+        objective: impl Fn(&[Observation]) -> Result<Objective>,
     ) -> Result<Self> {
         let several = observations.len() > 1;
         let mut blocks = Vec::new();

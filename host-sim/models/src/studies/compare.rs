@@ -78,10 +78,11 @@ pub fn compare(
     stop: &AtomicBool,
     progress: &dyn Fn(&Stage),
 ) -> Result<Vec<ModelRow>> {
-    let foretold = if beyond.is_empty() { None } else { Some(Objective::new(beyond)?) };
+    let objective = |observations: &[Observation]| Objective::new(observations, settings.actuator.preload);
+    let foretold = if beyond.is_empty() { None } else { Some(objective(beyond)?) };
     let prepared = PreparedObservations::new(observations, &settings.actuator)?;
     let context = &prepared.context(settings, stop);
-    let left_out = LeftOut::new(observations, context.fine, Objective::new)?;
+    let left_out = LeftOut::new(observations, context.fine, objective)?;
     let mut rows = Vec::new();
     let mut smaller: Option<Candidate> = None;
     for (index, (name, model)) in MODELS.into_iter().enumerate() {

@@ -39,7 +39,7 @@ fn fitted(observations: &[Observation], settings: &Settings) -> Fit {
 }
 
 fn nrmse_of(candidate: &Candidate, observations: &[Observation]) -> Vec<f64> {
-    let objective = Objective::new(observations).expect("valid");
+    let objective = Objective::new(observations, Preload::Settled).expect("valid");
     let modelled = objective.evaluate(candidate).expect("a response").modelled;
     objective.measured().zip(&modelled).map(|(y, x)| Agreement::new(y, x).nrmse_pct).collect()
 }
@@ -55,7 +55,8 @@ fn truth() -> Candidate {
 /// The recordings of a plant with the model's own answers instead of the measured ones.
 fn synthetic(truth: &Candidate, noise_m: f64) -> Vec<Observation> {
     let mut observations = observations("hossain");
-    let modelled = Objective::new(&observations).expect("valid").evaluate(truth).expect("a response").modelled;
+    let modelled =
+        Objective::new(&observations, Preload::Settled).expect("valid").evaluate(truth).expect("a response").modelled;
     let none = Instruments { displacement_noise_m: noise_m, displacement_quantum_m: 0.0, monitor_noise_v: 0.0 };
     let mut readings = Readings::new(none, 7);
     for (observation, values) in observations.iter_mut().zip(modelled) {
@@ -223,7 +224,7 @@ fn exact_derivatives() {
         ("displacement", &displacement, 0.0, &[Mass]),
     ];
     for (name, observations, coupling, more) in cases {
-        let objective = Objective::new(observations).expect("valid");
+        let objective = Objective::new(observations, Preload::Settled).expect("valid");
         let films = [Topology::Parallel, Topology::Eq11].map(|topology| with_curves().map(|film| (topology, film)));
         for (topology, (curves, film)) in films.into_iter().flatten() {
             for preload in [Preload::Settled, Preload::FromStart] {

@@ -17,7 +17,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use springpot::{Actuator, Springpot, Topology};
+use springpot::{Actuator, Preload, Springpot, Topology};
 
 /// RMS of the noise, m.
 const NOISE_M: f64 = 5e-6;
@@ -45,7 +45,8 @@ fn observations() -> Vec<Observation> {
         }
     };
     let mut observations = vec![record(0.2), record(0.07)];
-    let modelled = Objective::new(&observations).expect("valid").evaluate(&film()).expect("a response").modelled;
+    let modelled =
+        Objective::new(&observations, Preload::Settled).expect("valid").evaluate(&film()).expect("a response").modelled;
     observations.iter_mut().zip(modelled).for_each(|(observation, values)| observation.measured.value = values);
     observations
 }

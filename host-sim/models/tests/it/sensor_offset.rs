@@ -20,7 +20,7 @@ use host_models::simulation::controllers::{self, ControllerKind, ControllerSetti
 use host_models::simulation::film::{Film, Plant, Waveform};
 use host_models::simulation::processor::{FirmwareLaw, Task, TaskOptions};
 use indicatif::ProgressBar;
-use springpot::{CommandLimits, ObserverOptions};
+use springpot::{CommandLimits, ObserverOptions, Preload};
 
 const OFFSET_M: f64 = 1e-3;
 const RATE_HZ: f64 = 1000.0;
@@ -78,7 +78,7 @@ fn replay_fit_observer_and_processor_agree() {
         let elements = std::iter::once(model.main()).chain(model.branches().as_flattened().iter().copied()).collect();
         let candidate = Candidate { offset_m, ..Candidate::linear(parameters.actuator, elements, model.topology()) };
         let (observation, _) = observation::observe(&recording, Direction::Force, 1.0).expect("fit to be fitted");
-        let objective = Objective::new(&[observation]).expect("an objective");
+        let objective = Objective::new(&[observation], Preload::Settled).expect("an objective");
         let fitted = objective.residuals(&objective.evaluate(&candidate).expect("a response"));
 
         let measured = recording.displacement().expect("measured");

@@ -9,7 +9,7 @@ mod linearised;
 
 use num_complex::Complex;
 use rayon::prelude::*;
-use springpot::{Actuator, Curve, Discretisation, Load};
+use springpot::{Actuator, Curve, Discretisation, Load, Preload};
 
 use super::candidate::{Candidate, Curves};
 use super::observation::{Observation, ReadingFit, Readings};
@@ -67,7 +67,7 @@ enum DriveSpectra {
 
 impl DriveSpectra {
     fn new(input: &Input, grid: Grid, circle: &FullMemory) -> Self {
-        let values = grid.resample(input.samples());
+        let values = grid.resample_curved(input.samples());
         match input {
             Input::Voltage(_) => {
                 let squared: Vec<f64> = values.iter().map(|v| v * v).collect();
@@ -149,25 +149,27 @@ pub struct Evaluation {
 }
 
 impl Objective {
-    /// The objective over `observations`.
+    /// The objective over `observations` of films with this `preload`. The model steps with second-order differences, so that nothing of it explains
+    /// the step; after jumps those are no better, and first-order ones take a jump as one within a step.
     ///
     /// # Errors
     ///
     /// [`Error`] for no observations, or one that is too long for its rate.
-    pub fn new(observations: &[Observation]) -> Result<Self> {
-        Self::with_method(observations, Discretisation::Gl)
+    pub fn new(observations: &[Observation], preload: Preload) -> Result<Self> {
+        let jumps = |observation: &Observation| preload == Preload::FromStart || observation.jumps();
+        Self::with_methods(observations, |o| if jumps(o) { Discretisation::Gl } else { Discretisation::Bdf2 })
     }
 
-    /// The same with second-order differences, for the long steps of thinned observations.
+    /// The same with second-order differences throughout, for the long steps of thinned observations.
     ///
     /// # Errors
     ///
     /// As [`new`](Self::new).
     pub fn thinned(observations: &[Observation]) -> Result<Self> {
-        Self::with_method(observations, Discretisation::Bdf2)
+        Self::with_methods(observations, |_| Discretisation::Bdf2)
     }
 
-    fn with_method(observations: &[Observation], method: Discretisation) -> Result<Self> {
+    fn with_methods(observations: &[Observation], method: impl Fn(&Observation) -> Discretisation) -> Result<Self> {
         if observations.is_empty() {
             return Err(Error::Computation("there is nothing to fit".into()));
         }
@@ -181,12 +183,15 @@ impl Objective {
         if let Some((long, grid)) = observations.iter().zip(&grids).find(|(_, grid)| grid.samples > MAX_SAMPLES) {
             return Err(too_long(&long.name, grid.samples as f64));
         }
-        let (circles, steps) = circles(&grids, method);
+        let methods: Vec<Discretisation> = observations.iter().map(method).collect();
+        let (circles, steps) = circles(&grids, &methods);
         let records = observations
             .iter()
             .zip(grids)
-            .map(|(observation, grid)| {
-                let circle = steps.iter().position(|&step| step == grid.step_s()).unwrap_or(0);
+            .zip(methods)
+            .map(|((observation, grid), method)| {
+                let is_its = |(step, circle): (&f64, &FullMemory)| *step == grid.step_s() && circle.method() == method;
+                let circle = steps.iter().zip(&circles).position(is_its).unwrap_or(0);
                 Record {
                     circle,
                     samples: grid.samples,
@@ -382,16 +387,17 @@ fn product(a: &[Complex<f64>], b: &[Complex<f64>]) -> Spectrum {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }
 
-/// A circle for every rate, as long as the longest recording of that rate, and the steps (s) of these circles.
-fn circles(grids: &[Grid], method: Discretisation) -> (Vec<FullMemory>, Vec<f64>) {
+/// A circle for every rate and method, as long as the longest recording of both, and the steps (s) of these circles.
+fn circles(grids: &[Grid], methods: &[Discretisation]) -> (Vec<FullMemory>, Vec<f64>) {
     let mut circles: Vec<FullMemory> = Vec::new();
     let mut steps: Vec<f64> = Vec::new();
-    for grid in grids {
-        if !steps.contains(&grid.step_s()) {
-            let same = grids.iter().filter(|other| other.rate_hz == grid.rate_hz);
-            let longest = same.map(|other| other.samples).max().unwrap_or(grid.samples);
-            circles.push(FullMemory::with_oversampling_and_method(longest, grid.step_s(), 2, method));
-            steps.push(grid.step_s());
+    for (grid, &method) in grids.iter().zip(methods) {
+        let step_s = grid.step_s();
+        if !steps.iter().zip(&circles).any(|(step, circle)| *step == step_s && circle.method() == method) {
+            let same = grids.iter().zip(methods).filter(|(other, of)| other.rate_hz == grid.rate_hz && **of == method);
+            let longest = same.map(|(other, _)| other.samples).max().unwrap_or(grid.samples);
+            circles.push(FullMemory::with_oversampling_and_method(longest, step_s, 2, method));
+            steps.push(step_s);
         }
     }
     (circles, steps)
