@@ -146,7 +146,7 @@ fn fit_and_replay_give_the_same_error() {
         let report = bench.json(&format!("replay --params film.toml hossain-5s.csv {more}"));
         number(&report["recordings"][0]["nrmse_pct"])
     };
-    let same = replay(&format!("--rate {} --memory full --precision f64", row["rate_hz"]));
+    let same = replay(&format!("--rate {} --memory full --precision f64 --method bdf2", row["rate_hz"]));
     let (fitted, controller) = (number(&row["nrmse_pct"]), replay(""));
     println!("fit {fitted} %, replay likewise {same} %, as on the controller {controller} %");
     assert!((same - fitted).abs() <= 1e-6 * fitted, "{same} {fitted}");
