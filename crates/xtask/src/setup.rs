@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use crate::process::{Result, cargo, command, line, output, root, run as run_command};
+use crate::process::{Result, cargo, command, line, output, read, root, run as run_command};
 
 /// The chips: Cortex-M4F (hard float) and Cortex-M0 (soft float, no compare-and-swap).
 pub const TARGETS: [&str; 2] = ["thumbv7em-none-eabihf", "thumbv6m-none-eabi"];
@@ -314,9 +314,9 @@ pub fn chromium() -> Result<&'static str> {
 pub fn tool(name: &str, version: &str, options: &str) -> Result<PathBuf> {
     let tools = root().join("target").join("tools");
     let program = tools.join("bin").join(name);
-    let is_there =
-        output(command(&program.to_string_lossy(), &["--version"])).is_ok_and(|found| found.contains(version));
-    if !is_there {
+    // Some do not know their version: cargo's own list does.
+    let listed = read(&tools.join(".crates.toml")).unwrap_or_default();
+    if !(program.exists() && listed.contains(&format!("\"{name} {version} "))) {
         let mut tool = cargo(&format!("install --quiet --locked --force {options} {name}@{version} --root"));
         tool.arg(&tools);
         install(tool)?;
