@@ -364,7 +364,7 @@ impl Loop {
         self.film_m += self.lag * (self.m_per_v2 * volts * volts - self.film_m);
     }
 
-    /// Whether the model is finite. The law of a mutated blob may grow without end; one that is not finite has tripped.
+    /// The model is finite. The law of a mutated blob may grow without end; one that is not finite has tripped.
     fn check_telemetry(&mut self, inputs: &Inputs, outputs: &Outputs, state: DriverState) {
         let telemetry = &outputs.telemetry;
         assert_eq!(telemetry.monitor_v.is_nan(), inputs.monitor_adc_v.is_none());

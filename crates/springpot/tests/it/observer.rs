@@ -272,7 +272,7 @@ fn invalid_observers_are_refused() {
     assert_eq!(new(rounded), Ok(()));
 }
 
-/// Of bandwidths and permittivities over all of single precision: what is accepted stays finite.
+/// Bandwidths and permittivities over all of single precision: what is accepted stays finite.
 #[test]
 fn an_accepted_tracking_stays_finite() {
     let law: Law<f32> = Law::compressed(&model(1.0), LawOptions::at_step(1e-3)).expect("a law");
