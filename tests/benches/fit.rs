@@ -10,7 +10,7 @@ use host_sim::fit::candidate::{Candidate, Variable};
 use host_sim::fit::objective::Objective;
 use host_sim::fit::observation::{self, Observation};
 use host_sim::fit::{self, Method, Settings};
-use springpot::{Actuator, Springpot, Topology};
+use springpot::{Actuator, Preload, Springpot, Topology};
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
@@ -23,7 +23,7 @@ fn main() {
             observation::observe(&recording, Direction::Force, 1.0).expect("fit for fitting").0
         })
         .collect();
-    let objective = Objective::new(&observations).expect("valid");
+    let objective = Objective::new(&observations, Preload::Settled).expect("valid");
     println!(
         "| 3 × {} samples, {} threads | time |",
         observations[0].measured.value.len(),

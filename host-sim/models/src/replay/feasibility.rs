@@ -3,7 +3,7 @@
 mod demand;
 
 use serde::Serialize;
-use springpot::CommandLimits;
+use springpot::{CommandLimits, Spring};
 
 use self::demand::Demand;
 use crate::error::Result;
@@ -23,7 +23,7 @@ pub struct Feasibility {
     pub below_zero_pct: f64,
     /// Share of the time that needs more than the largest voltage or field, %.
     pub above_largest_pct: f64,
-    /// Share of the time beyond the stroke that the film's elastic curve was measured over, %: the curve continues linearly there.
+    /// Share of the time beyond the stroke that the film's elastic curve or spring was measured over, %: it continues linearly there.
     pub beyond_curve_pct: f64,
     /// First time at which either is needed, s.
     pub first_s: Option<f64>,
@@ -123,13 +123,10 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
     let below: Vec<bool> = demand.force.iter().map(|f| *f < -demand.slack).collect();
     let above: Vec<bool> = (0..reference.len()).map(|k| demand.exceeds(k, 0.0, demand.force[k])).collect();
     let share = |flags: &[bool]| 100.0 * flags.iter().filter(|flag| **flag).count() as f64 / flags.len() as f64;
-    let beyond: Vec<bool> = match &parameters.curve {
-        Some(curve) => {
-            let (low, high) = curve.pieces().range();
-            reference.iter().map(|x| !(low..=high).contains(x)).collect()
-        }
-        None => vec![false; reference.len()],
-    };
+    let curve = parameters.curve.as_ref().map(|curve| curve.pieces().range());
+    let ranges: Vec<(f64, f64)> = curve.into_iter().chain(parameters.spring.as_ref().map(Spring::range)).collect();
+    let is_beyond = |x: &f64| ranges.iter().any(|(low, high)| !(low..=high).contains(&x));
+    let beyond: Vec<bool> = reference.iter().map(is_beyond).collect();
     let amplifier = demand.lag.map(|lag| {
         let asked = lag.asked(&demand, 0.0, &demand.force);
         let first = |flags: &[bool]| flags.iter().position(|flag| *flag).map(|k| grid.time_s(k));

@@ -217,6 +217,19 @@ fn two_curves_are_found() {
     }
 }
 
+/// The measure goes on for ever, the spring as far as it was recorded.
+#[test]
+fn a_reference_beyond_the_spring_is_reported() {
+    let film = parsed(&FILE.replace("to_m = 0.006", "to_m = 0.03")).expect("valid");
+    let grid = Grid::covering(10.0, RATE_HZ).expect("a grid");
+    let beyond_pct = |most_m: f64| {
+        let reference: Vec<f64> = grid.times_s().iter().map(|t| most_m * t / 10.0).collect();
+        feasibility::check(&film, &reference, grid, &CommandLimits::BENCH).expect("checked").beyond_curve_pct
+    };
+    assert_eq!(beyond_pct(5.9e-3), 0.0);
+    assert!((beyond_pct(8e-3) - 25.0).abs() < 0.1);
+}
+
 /// A film whose forces are all `factor` times as large moves under √factor times the voltage as the film does under the voltage.
 #[test]
 fn a_mismatch_of_the_stiffness_is_one_of_memory_and_spring() {
