@@ -237,15 +237,15 @@ pub(crate) fn check_reference<'py>(
 
 /// The observer over a recording of voltage and displacement, `rate_hz` ticks per second.
 ///
-/// Below `bandwidth_hz` the estimate follows the sensor, above it the model. Over `adaptation_s` a disturbance that swings with the load becomes a
-/// change of the force scale; 0 for never.
+/// Below `bandwidth_hz` the estimate follows the sensor, above it the model; 0.6 Hz, or the most for a slower sensor, if left out. Over
+/// `adaptation_s` a disturbance that swings with the load becomes a change of the force scale; 0 for never.
 #[pyfunction]
-#[pyo3(signature = (model, recording, *, rate_hz=1000.0, bandwidth_hz=0.6, adaptation_s=30.0, precision="f32", method="gl"))]
+#[pyo3(signature = (model, recording, *, rate_hz=1000.0, bandwidth_hz=None, adaptation_s=30.0, precision="f32", method="gl"))]
 pub(crate) fn observe<'py>(
     model: &Bound<'py, PyModel>,
     recording: Source<'py>,
     rate_hz: f64,
-    bandwidth_hz: f64,
+    bandwidth_hz: Option<f64>,
     adaptation_s: f64,
     precision: &str,
     method: &str,
@@ -274,6 +274,7 @@ pub(crate) fn observe<'py>(
         ("innovation_std_m", estimates.innovation_std_m),
     ];
     let columns = columns.map(|(name, values)| (name, array(py, values))).into_py_dict(py)?;
+    columns.set_item("bandwidth_hz", summary.bandwidth_hz)?;
     columns.set_item("samples", summary.samples)?;
     columns.set_item("innovation_rms_m", summary.innovation_rms_m)?;
     result("Observation", &columns)

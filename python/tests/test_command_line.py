@@ -140,6 +140,7 @@ def test_observe(table: Table, tool: Tool, films: list[Path], fitted: tuple[Path
     observed = sp.observe(sp.load(fitted[0]), films[0], bandwidth_hz=0.4, adaptation_s=20, rate_hz=500)
     assert_equal(observed.columns(), expected, list(expected))
     assert (observed.samples, observed.innovation_rms_m) == (report["samples"], report["innovation_rms_m"])
+    assert observed.bandwidth_hz == report["bandwidth_hz"]
 
 
 @pytest.mark.parametrize("law_hz", [None, 500.0])

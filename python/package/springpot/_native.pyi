@@ -355,7 +355,7 @@ def observe(
     recording: _Source,
     *,
     rate_hz: float = 1000.0,
-    bandwidth_hz: float = 0.6,
+    bandwidth_hz: float | None = None,
     adaptation_s: float = 30.0,
     precision: _Precision = "f32",
     method: _Method = "gl",

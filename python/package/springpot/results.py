@@ -127,7 +127,7 @@ class Observation(_Columns):
 
     ``displacement_m`` is the estimate (m), ``sample_m`` the reading that arrived (m, NaN where none did), ``disturbance_n`` the
     force that the model does not know (N), ``force_scale`` its factor, ``innovation_m`` sensor minus prediction (m) with running mean and
-    standard deviation. ``samples`` readings were used; ``innovation_rms_m`` is over all of them.
+    standard deviation. ``samples`` readings were used; ``innovation_rms_m`` is over all of them. ``bandwidth_hz`` is the observer's.
     """
 
     time_s: FloatArray
@@ -139,6 +139,7 @@ class Observation(_Columns):
     innovation_m: FloatArray
     innovation_mean_m: FloatArray
     innovation_std_m: FloatArray
+    bandwidth_hz: float
     samples: int
     innovation_rms_m: float
 
