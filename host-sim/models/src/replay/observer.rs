@@ -140,7 +140,7 @@ impl ObservedRecording {
             let cause = "no column voltage_v or voltage_kv; the observer needs the voltage";
             return Err(Error::file(recording.path(), cause));
         };
-        Ok(Self { grid, voltage_v: grid.resample_curved(&voltage), measured: recording.displacement()? })
+        Ok(Self { grid, voltage_v: grid.resample(&voltage), measured: recording.displacement()? })
     }
 
     /// Runs the observer of `parameters`, tuned to the times of the readings by [`options`].

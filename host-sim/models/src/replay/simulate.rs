@@ -67,7 +67,7 @@ pub fn response(
     options: &RunOptions,
     progress: &dyn Watch,
 ) -> Result<Response> {
-    let input = input.map(|samples| grid.resample_curved(samples));
+    let input = input.map(|samples| grid.resample(samples));
     let actuator = &parameters.actuator;
     let run =
         ModelRun { film: parameters.film(), actuator, input: &input, grid, precision: options.precision, progress };

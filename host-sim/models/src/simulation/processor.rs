@@ -104,7 +104,7 @@ impl Task {
             return Err(Error::file(recording.path(), cause));
         };
         let grid = Grid::covering(options.shortened(recording.duration_s()), options.rate_hz)?;
-        let volts: Vec<f32> = grid.resample_curved(&voltage).into_iter().map(|volts| volts as f32).collect();
+        let volts: Vec<f32> = grid.resample(&voltage).into_iter().map(|volts| volts as f32).collect();
         Ok(match options.law {
             FirmwareLaw::Step => Self::Step(volts),
             FirmwareLaw::Tick => {
