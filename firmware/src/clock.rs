@@ -111,8 +111,8 @@ fn on_internal(rcc: Rcc, timer: &TIM5, fault: ClockFault) -> (Rcc, Option<ClockF
     (rcc, Some(fault), expected)
 }
 
-/// Whether the loop locks as it will run: with a crystal of 8 MHz 8 MHz / 4 × 168 / 2 = 168 MHz. At its reset values it would have 0.5 MHz where it needs 1 to
-/// 2, and make 96 MHz where it makes 100 at least. It is off again afterwards.
+/// Whether the loop locks as it will run: a crystal of 8 MHz / 4 × 168 / 2 = 168 MHz. At its reset values it would have 0.5 MHz where it needs
+/// 1 to 2, and make 96 MHz where it makes 100 at least. It is off again afterwards.
 fn loop_locks(rcc: &RCC, crystal_hz: u32) -> bool {
     rcc.pllcfgr().modify(|_, w| {
         w.pllsrc().hse();

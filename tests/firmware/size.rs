@@ -27,6 +27,18 @@ fn the_images_take_what_is_stated() {
     }
 }
 
+/// README has the sizes of results.md, in kB.
+#[test]
+fn the_readme_states_the_same_sizes() {
+    let readme = include_str!("../../README.md");
+    let row = readme.lines().find(|line| line.starts_with("| flash, RAM of the firmware |")).expect("a row");
+    let numbers: Vec<f64> = row.split([' ', '|']).filter_map(|word| word.parse().ok()).collect();
+    assert_eq!(numbers.len(), 3, "{row}");
+    for (number, size) in numbers.into_iter().zip(["flash", "ram", "stack"]) {
+        assert!(Tolerance::COUNT.holds(1e3 * number, stated(size, "bytes")), "{row}: {size}");
+    }
+}
+
 /// Bytes of flash and of RAM in an image: 32-bit ELF, little-endian, its section headers.
 fn taken(elf: &[u8]) -> (f64, f64) {
     let word = |at: usize| u32::from_le_bytes([elf[at], elf[at + 1], elf[at + 2], elf[at + 3]]);
