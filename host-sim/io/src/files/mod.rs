@@ -11,4 +11,5 @@ pub mod output;
 pub mod parameters;
 mod plausible;
 pub mod recording;
+pub mod seal;
 pub mod table;

@@ -8,5 +8,6 @@ mod lab_files;
 mod misreadings;
 mod other_files;
 mod refused_recordings;
+mod sealed_records;
 mod written_files;
 mod wrong_readings;
