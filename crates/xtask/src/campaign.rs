@@ -18,6 +18,8 @@ pub enum Part {
     Fits,
     /// Faulty recordings, all cases of which `cargo xtask test` runs a sample: each is reported with its cause or does no harm.
     Recordings,
+    /// Commissioning of 300 sound films and 300 bad benches, of which `cargo xtask test` runs a sample, and 1 000 sittings that are ended. Hours.
+    Commission,
     /// Each fuzzer for ten minutes: no panic, nothing obeyed that must not be.
     Fuzz,
     /// Mutants of the driver's source, each of which its tests should notice.
@@ -38,6 +40,7 @@ pub fn run(part: Option<Part>, sample: Option<usize>, only: Option<&str>) -> Res
         Part::Driver => driver().err(),
         Part::Fits => models("random_fits").err(),
         Part::Recordings => models("bad_recordings").err(),
+        Part::Commission => models("commission").err(),
         Part::Fuzz => fuzz().err(),
         Part::Mutants => mutants(sample, only).err(),
     });

@@ -2,6 +2,7 @@
 //!
 //! | room | what it does |
 //! | --- | --- |
+//! | [`commission`] | from an unknown film to one that follows, with a record |
 //! | [`studies`] | the paper's study, and other models of creep beside this one |
 //! | [`excitation`] | profiles that identify a film, and whether recordings do |
 //! | [`fit`], [`amplifier`] | the parameters of the model from recordings, and of an amplifier from logs |
@@ -15,6 +16,7 @@
 
 pub mod agreement;
 pub mod amplifier;
+pub mod commission;
 pub mod compression;
 pub mod cost;
 pub mod excitation;

@@ -39,13 +39,31 @@ pub fn plan(
     limits: CommandLimits,
     progress: &dyn Watch,
 ) -> Result<VoltagePlan> {
-    let inversion = Inversion { parameters, reference, grid, limits, progress };
+    plan_after(parameters, &[], reference, grid, options, limits, progress)
+}
+
+/// As [`plan`], of a film that was driven with `history_v` (V, at the rate of `grid`) before; full memory begins at rest.
+///
+/// # Errors
+///
+/// As [`plan`].
+pub fn plan_after(
+    parameters: &Parameters,
+    history_v: &[f64],
+    reference: &[f64],
+    grid: Grid,
+    options: &RunOptions,
+    limits: CommandLimits,
+    progress: &dyn Watch,
+) -> Result<VoltagePlan> {
+    let inversion = Inversion { parameters, history_v, reference, grid, limits, progress };
     on_memory(parameters.film(), grid, options, inversion)
 }
 
 /// A reference to be inverted.
 struct Inversion<'a> {
     parameters: &'a Parameters,
+    history_v: &'a [f64],
     reference: &'a [f64],
     grid: Grid,
     limits: CommandLimits,
@@ -59,6 +77,9 @@ impl OnLaw for Inversion<'_> {
     fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: LawState<T, M>) -> Result<VoltagePlan> {
         let feedforward = Feedforward::new(law, &self.parameters.actuator, self.limits)?;
         let mut state = feedforward.state(rest);
+        for &volts in self.history_v {
+            feedforward.apply(&mut state, Applied::as_commanded(T::from_f64(volts)));
+        }
         let mut plan = VoltagePlan::default();
         for (k, &target) in self.reference.iter().enumerate() {
             let command = feedforward.command(&mut state, T::from_f64(target));
@@ -77,7 +98,7 @@ impl OnLaw for Inversion<'_> {
 
 impl OnMemory for Inversion<'_> {
     fn with_full_memory(self) -> Result<VoltagePlan> {
-        let Self { parameters, reference, grid, limits, progress } = self;
+        let Self { parameters, reference, grid, limits, progress, .. } = self;
         check_full(grid)?;
         let actuator = &parameters.actuator;
         actuator.check()?;

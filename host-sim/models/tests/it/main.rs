@@ -4,6 +4,7 @@ mod amplifier;
 mod amplifier_demand;
 mod at_hand;
 mod bad_recordings;
+mod commission;
 mod copies;
 mod curves;
 #[path = "../../../../crates/springpot/tests/it/support/defining_sum.rs"]

@@ -1,0 +1,269 @@
+//! Commissioning on the simulated bench: random sound films pass, bad benches do not, and no limit is exceeded.
+//!
+//! The films are integrated by equations of their own, or step with full memory, around the driver's own controller. `cargo xtask campaign
+//! commission` runs all cases, and prints each.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use host_io::choice::Choice;
+use host_io::files::parameters::{Board, Parameters};
+use host_models::commission::simulated::{Fault, FaultKind, SimulatedBench};
+use host_models::commission::verification::Quality;
+use host_models::commission::{self, Cause, Plan, Report, Step};
+use host_models::fit::FitOptions;
+use host_models::fit::options::Branches;
+use host_models::fit::settings::CurveChoice;
+use host_models::simulation::film::{Film, Instruments, Plant as Which};
+use host_models::simulation::plant::{FullMemoryPlant, Mismatch, NonlinearPlant, Plant};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use springpot::Actuator;
+
+use crate::sweep::{full_sweep, sample};
+
+/// Most substeps of a film with full memory, of 2 ms: 17 minutes, and twice as long with other segments.
+const SUBSTEPS: usize = 510_000;
+
+/// A film on its bench, drawn at random.
+struct Case {
+    film: Film,
+    preset: Option<(&'static str, Mismatch)>,
+    instruments: Instruments,
+    plan: Plan,
+    seed: u64,
+}
+
+impl Case {
+    fn random(seed: u64) -> Self {
+        let mut random = Pcg64::seed_from_u64(seed);
+        let mut range = |low: f64, high: f64| random.random_range(low..high);
+        let which = if range(0.0, 1.0) < 0.5 { Which::Hossain } else { Which::Wang };
+        let film = Film::new(which).stiffened(range(0.9, 1.8)).warmed(1.0, range(0.4, 2.5));
+        let mismatch = Mismatch { stiffness: range(0.7, 1.6), alpha: range(0.7, 1.0) };
+        let name = ["table3-n2", "table3-n1", "table3-n3"][range(0.0, 3.0) as usize];
+        let preset = (range(0.0, 1.0) < 0.4).then_some((name, mismatch));
+        let instruments = Instruments {
+            displacement_noise_m: range(1e-6, 6e-6),
+            displacement_quantum_m: 1e-6,
+            monitor_noise_v: range(1.0, 4.0),
+        };
+        let mut board = Board::bench(&Actuator::KARNER_2022);
+        board.limits.max_displacement_m = range(1.5e-3, 8e-3) as f32;
+        board.limits.max_voltage_v = range(4500.0, 6000.0) as f32;
+        let mut plan = Plan { seed: seed + 17, ..Plan::new(Actuator::KARNER_2022, false, board) };
+        if !full_sweep() {
+            // The search over all structures takes most of the time.
+            plan.fit = FitOptions {
+                branches: Branches::Number(2),
+                curve: CurveChoice::None,
+                starts: 2,
+                ..FitOptions::default()
+            };
+        }
+        Self { film, preset, instruments, plan, seed }
+    }
+
+    fn bench(&self, faults: Vec<Fault>) -> SimulatedBench<'_> {
+        let (plant, step_s): (Box<dyn Plant + '_>, f64) = match self.preset {
+            Some((name, mismatch)) => {
+                let parameters = Parameters::preset(name).expect("a preset");
+                let substeps = if full_sweep() { 2 * SUBSTEPS + SUBSTEPS / 2 } else { SUBSTEPS };
+                let plant = FullMemoryPlant::at_rest(&parameters, mismatch, 2e-3, substeps);
+                (Box::new(plant.expect("a plant")), 2e-3)
+            }
+            None => (Box::new(NonlinearPlant::at_rest(&self.film, 5e-4)), 5e-4),
+        };
+        let parameters = commission::provisional(&self.plan).expect("valid");
+        SimulatedBench::new(plant, step_s, &parameters, self.instruments, faults, self.seed).expect("a bench")
+    }
+
+    /// The report on a bench with `faults`, and the share of other segments that are within the bounds of a record that passes.
+    fn run(&self, faults: Vec<Fault>, others: bool) -> (Report, Option<f64>) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut bench = self.bench(faults);
+        let never = AtomicBool::new(false);
+        let mut commission = |plan: &Plan| {
+            let report = commission::commission(&mut bench, plan, folder.path(), &never, &|_| ());
+            report.unwrap_or_else(|error| panic!("{}: {error}", self.seed))
+        };
+        let report = commission(&self.plan);
+        let within = (report.verdict.passed && others).then(|| {
+            let again = Plan { steps: [Step::Verify; 2], seed: self.seed + 99_991, rest_s: 300.0, ..self.plan.clone() };
+            let other = commission(&again);
+            let held = |bound: &Option<Quality>, found: &Option<Quality>| {
+                let largest = bound.as_ref().expect("verified").largest_pct;
+                let errors = found.as_ref().map_or(Vec::new(), |found| found.errors_pct.clone());
+                errors.iter().filter(|error| **error <= largest).count() as f64 / errors.len() as f64
+            };
+            0.5 * (held(&report.feedforward, &other.feedforward) + held(&report.tracking, &other.tracking))
+        });
+        let (furthest_m, _) = bench.film();
+        let largest_m = f64::from(self.plan.board.limits.max_displacement_m);
+        assert!(furthest_m < 1.01 * largest_m, "{}: {furthest_m} m of {largest_m} m", self.seed);
+        (report, within)
+    }
+}
+
+fn printed(report: &Report) -> String {
+    let quality = |quality: &Option<Quality>| {
+        quality.as_ref().map_or("–".into(), |quality| {
+            let [low, high] = quality.predicted_pct;
+            format!("{:.2} % (worst {:.2}, predicted {low:.2} to {high:.2})", quality.rms_pct, quality.largest_pct)
+        })
+    };
+    let causes: Vec<String> =
+        report.findings.iter().map(|finding| format!("{}: {}", finding.cause.name(), finding.measured)).collect();
+    format!("{:.0} s, {}, {}, {causes:?}", report.film_s, quality(&report.feedforward), quality(&report.tracking))
+}
+
+#[test]
+fn sound_films_pass_and_their_bounds_hold() {
+    let seeds: Vec<u64> = if full_sweep() { (0..300).collect() } else { vec![5] };
+    let (mut passed, mut held) = (0, Vec::new());
+    for &seed in &seeds {
+        let case = Case::random(seed);
+        let (report, within) = case.run(Vec::new(), full_sweep());
+        let film = case.preset.map_or("film", |(name, _)| name);
+        println!("{seed} {film} {} {within:?}: {}", report.verdict.passed, printed(&report));
+        passed += usize::from(report.verdict.passed);
+        held.extend(within);
+        // At most 20 minutes, and each step of the ramp as predicted.
+        assert!(report.film_s < 1200.0, "{} s", report.film_s);
+        for step in report.ramp.iter().flat_map(|ramp| &ramp.steps) {
+            let off_m = step.predicted_m.map_or(0.0, |predicted_m| (predicted_m - step.measured_m).abs());
+            assert!(off_m < 0.05 * step.measured_m + 20e-6, "{seed}: {step:?}");
+        }
+    }
+    let within = held.iter().sum::<f64>() / held.len().max(1) as f64;
+    println!(
+        "{passed} of {} sound films pass; {:.1} % of other segments are within their bounds",
+        seeds.len(),
+        100.0 * within
+    );
+    assert!(20 * passed >= 19 * seeds.len(), "{passed} of {}", seeds.len());
+    assert!(held.is_empty() || within > 0.95, "{within}");
+}
+
+/// Faults, the causes that name them, and strengths; below 0 as a share of the sound film's stroke or voltage, or as its noise.
+const FAULTS: &[(FaultKind, &[Cause], &[f64])] = &[
+    (FaultKind::SensorSign, &[Cause::SensorSign], &[1.0]),
+    (FaultKind::SensorScale, &[Cause::SensorScale], &[0.5, 0.9, 1.05, 2.0, 25.4]),
+    (FaultKind::MonitorGain, &[Cause::MonitorGain], &[0.9, 0.95, 1.04, 1.1]),
+    (FaultKind::Lag, &[Cause::Lag], &[0.03, 0.1, 0.5]),
+    (FaultKind::SensorDelay, &[Cause::Lag, Cause::Frozen], &[0.06, 0.1, 0.3]),
+    (FaultKind::Resonance, &[Cause::Resonance], &[0.3, 0.5, 0.8, 1.2]),
+    (FaultKind::Slip, &[Cause::Slip], &[0.02, 0.05, 0.2]),
+    (FaultKind::Leak, &[Cause::Leak], &[0.03, 0.1, 0.3]),
+    (FaultKind::Arc, &[Cause::Arc], &[0.02, 0.2, 2.0]),
+    (FaultKind::DropOuts, &[Cause::DropOuts], &[0.001, 0.01, 0.1]),
+    (FaultKind::Saturation, &[Cause::Saturation, Cause::Frozen], &[-0.3, -0.6, -0.9]),
+    (FaultKind::AmplifierEnd, &[Cause::Saturation], &[-0.5, -0.8, -0.95]),
+    (FaultKind::LittleStroke, &[Cause::LittleStroke], &[-8.0, -20.0]),
+    (FaultKind::Clock, &[Cause::Clock], &[0.01, 0.03, 0.1]),
+    // Not among those that issue a passing record at any strength, but as strong as here they must not.
+    (FaultKind::Drift, &[Cause::Drift], &[1e-6, 5e-6]),
+    (FaultKind::Friction, &[Cause::Friction], &[-0.03, -0.1]),
+];
+
+#[test]
+fn bad_benches_do_not_pass() {
+    let all: Vec<(FaultKind, &[Cause], f64)> = FAULTS
+        .iter()
+        .flat_map(|(kind, causes, strengths)| strengths.iter().map(|strength| (*kind, *causes, *strength)))
+        .collect();
+    let cases = sample((0..300_usize).collect(), 8);
+    let (mut passed, mut misnamed) = (Vec::new(), Vec::new());
+    for &k in &cases {
+        // In the sample one of each kind comes after the other.
+        let (kind, causes, strength) = all[k % all.len()];
+        let case = Case::random(1000 + k as u64);
+        let mut sound = Case::random(1000 + k as u64);
+        sound.plan.steps[1] = Step::Ramp;
+        let ramp = sound.run(Vec::new(), false).0.ramp.expect("a ramp");
+        let strength = match kind {
+            _ if strength > 0.0 => strength,
+            FaultKind::Saturation | FaultKind::Friction => -strength * ramp.stroke_m,
+            FaultKind::AmplifierEnd => -strength * ramp.peak_v,
+            _ => ramp.stroke_m / (-strength * ramp.noise_m),
+        };
+        let (report, _) = case.run(vec![Fault { kind, strength }], false);
+        let line = format!("{k} {}={strength:.3e}: {}", kind.name(), printed(&report));
+        println!("{line}");
+        if report.verdict.passed {
+            passed.push(line.clone());
+        }
+        if !report.findings.iter().any(|finding| causes.contains(&finding.cause)) {
+            misnamed.push(line);
+        }
+    }
+    println!(
+        "{} bad benches, {} with a passing record, {} with another cause",
+        cases.len(),
+        passed.len(),
+        misnamed.len()
+    );
+    assert!(passed.is_empty(), "{passed:#?}");
+    assert!(5 * misnamed.len() <= cases.len(), "{misnamed:#?}");
+}
+
+/// Ended at any moment: 0 V, and no report.
+#[test]
+fn a_sitting_that_is_ended_ends_at_0_v() {
+    let count = if full_sweep() { 1000 } else { 10 };
+    let mut random = Pcg64::seed_from_u64(3);
+    let mut case = Case { preset: None, ..Case::random(8) };
+    case.plan.steps[1] = Step::Excite;
+    for _ in 0..count {
+        let (folder, stop) = (tempfile::tempdir().expect("a folder"), AtomicBool::new(false));
+        let mut bench = Ended { bench: case.bench(Vec::new()), left: random.random_range(0..38_000), stop: &stop };
+        let report = commission::commission(&mut bench, &case.plan, folder.path(), &stop, &|_| ());
+        assert!(matches!(report, Err(host_io::Error::Interrupted)), "{report:?}");
+        assert!(bench.bench.film().1.abs() < 1.0, "{} V", bench.bench.film().1);
+    }
+}
+
+/// A bench at which Ctrl-C comes after so many rows.
+struct Ended<'a> {
+    bench: SimulatedBench<'a>,
+    left: usize,
+    stop: &'a AtomicBool,
+}
+
+impl commission::Bench for Ended<'_> {
+    fn name(&self) -> String {
+        self.bench.name()
+    }
+
+    fn firmware(&self) -> String {
+        self.bench.firmware()
+    }
+
+    fn self_test(&mut self) -> host_io::Result<Vec<commission::Check>> {
+        self.bench.self_test()
+    }
+
+    fn install(&mut self, parameters: &Parameters, keep: bool) -> host_io::Result<u32> {
+        self.bench.install(parameters, keep)
+    }
+
+    fn restore(&mut self) -> host_io::Result<()> {
+        self.bench.restore()
+    }
+
+    fn run(
+        &mut self,
+        mode: commission::Mode,
+        pilot: &mut commission::bench::Pilot<'_>,
+    ) -> host_io::Result<Option<String>> {
+        let Self { bench, left, stop } = self;
+        bench.run(mode, &mut |row| {
+            stop.store(*left == 0, Ordering::Relaxed);
+            *left = left.saturating_sub(1);
+            pilot(row)
+        })
+    }
+
+    fn gauge(&mut self, displacement_m: f64) -> Option<f64> {
+        self.bench.gauge(displacement_m)
+    }
+}
