@@ -21,7 +21,8 @@ use commands::{Verdict, with_flags};
 
 pub use host_io::{Error, Result, choice, error, files, grid, interrupt, link, progress, quantity, supply, terminal};
 pub use host_models::{
-    agreement, amplifier, compression, cost, excitation, fit, reduce, references, replay, simulation, spectrum, studies,
+    agreement, amplifier, commission, compression, cost, excitation, fit, reduce, references, replay, simulation,
+    spectrum, studies,
 };
 
 /// The program: runs its command line, and reports an error as one line.

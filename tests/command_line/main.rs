@@ -3,6 +3,7 @@
 mod amplifier;
 mod bad_input;
 mod cases;
+mod commission;
 mod control_commands;
 mod degenerate_input;
 mod demo;

@@ -1,5 +1,6 @@
 //! `springpot link` against a board that runs in this process.
 
+mod commission;
 mod playing;
 mod self_test;
 #[cfg(target_os = "linux")]

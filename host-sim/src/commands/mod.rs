@@ -4,6 +4,7 @@ mod amplifier;
 mod check;
 mod choice;
 mod closed_loop;
+mod commission;
 mod compare;
 mod completions;
 mod convert;
@@ -74,6 +75,10 @@ pub enum Verdict {
 enum CliCommand {
     /// Do everything once: fit recordings, replay them, follow a sine; three simulated recordings if none are given.
     Demo(demo::Arguments),
+    /// Take a film that is not known yet to one that follows, on a bench, with a record. Exit status 1 if it does not.
+    Commission(Box<commission::Arguments>),
+    /// Show whether a record of commissioning and its files are as they were sealed. Exit status 1 if it does not pass.
+    Verify(commission::VerifyArguments),
     /// Turn files of other programs (text, .xlsx, .mat) into recordings, and report how they were read.
     Import(import::Arguments),
     /// Report whether recordings identify a film, and what to record instead. Exit status 1 if they do not.
@@ -151,6 +156,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<Verdict> {
     });
     interrupt::install();
     match cli.command {
+        CliCommand::Commission(arguments) => return commission::run(&arguments, cli.json),
+        CliCommand::Verify(arguments) => return commission::verify(&arguments, cli.json),
         CliCommand::Check(arguments) => return check::run(&arguments, cli.json),
         CliCommand::Feedforward(arguments) => return feedforward::run(&arguments, cli.json),
         CliCommand::Demo(arguments) => demo::run(&arguments, cli.json),

@@ -14,6 +14,7 @@ pub mod model_figure;
 pub mod numbers;
 pub mod origin;
 pub mod page;
+pub mod record_page;
 pub mod response_figure;
 pub mod study_page;
 pub mod tracking_figure;

@@ -101,6 +101,7 @@ impl Page<'_> {
 }
 
 /// A row of a table.
+#[derive(Clone)]
 pub struct Row {
     /// Its cells; the first names the row.
     pub cells: Vec<Markup>,

@@ -1,12 +1,15 @@
 //! The link for people: one verb per request, and two that keep talking.
 
 mod asking;
+mod bench;
 mod board_time;
 mod fault_injection;
 mod flight_recorder;
 mod live;
 mod self_test;
 mod status;
+
+pub(super) use self::bench::LinkedBench;
 
 use std::path::PathBuf;
 

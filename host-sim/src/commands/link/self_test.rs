@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use super::asking::{answer, going_on, hold, inspect, some_ticks, wait};
 use super::live;
+use crate::commission;
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::link::{Client, named};
@@ -100,6 +101,27 @@ impl Checks {
 }
 
 impl SelfTest {
+    /// As it is without options.
+    pub(super) const USUAL: Self = Self { voltage: 50.0, interlock: false, watchdog: false };
+
+    /// Its checks, as commissioning records them.
+    pub(super) fn checks(
+        &self,
+        client: &mut Client,
+        identity: &Identity,
+        stop: &AtomicBool,
+    ) -> Result<Vec<commission::Check>> {
+        let mut checks = Checks::default();
+        self.all(client, identity, &mut checks, stop)?;
+        let check = |Check { what, found, wanted, passed }| commission::Check {
+            what: String::from(what),
+            found,
+            wanted,
+            passed,
+        };
+        Ok(checks.0.into_iter().map(check).collect())
+    }
+
     pub(super) fn check(&self) -> Result<()> {
         if (10.0..=500.0).contains(&self.voltage) {
             Ok(())

@@ -1,0 +1,272 @@
+//! `commission`: from an unknown film to one that follows, with a record; and `verify`, which checks a record.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+
+use super::choice::named;
+use super::link::LinkedBench;
+use super::{Verdict, with_flags};
+use crate::choice::Choice;
+use crate::commission::simulated::{Fault, FaultKind, SimulatedBench};
+use crate::commission::{self, Bench, Plan, Report, Step};
+use crate::error::{Error, Result, shown};
+use crate::files::output::{self, Folder, Folders};
+use crate::files::parameters::Parameters;
+use crate::files::seal;
+use crate::fit::report::Origin;
+use crate::interrupt;
+use crate::progress::Progress;
+use crate::quantity::{self, at_most, positive};
+use crate::report::numbers::Document;
+use crate::report::{origin, record_page};
+use crate::simulation::film::{self, Film, Instruments};
+use crate::simulation::plant::NonlinearPlant;
+use crate::terminal;
+
+/// The record, and its page.
+const RECORD: &str = "record.json";
+const PAGE: &str = "record.html";
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// File with the tables `[actuator]` and `[board]`; a model need not be there.
+    #[arg(long, value_name = "B.toml")]
+    board: String,
+    #[command(flatten)]
+    bench: BenchOptions,
+    /// Folder for the record, its page, the recordings and film.toml.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Begin with this step, on what the steps before it left in the folder.
+    #[arg(long, value_name = "STEP", value_parser = named::<Step>())]
+    from: Option<Step>,
+    /// Do this step alone.
+    #[arg(long, value_name = "STEP", value_parser = named::<Step>(), conflicts_with = "from")]
+    only: Option<Step>,
+    /// Return the controller to its old parameters at the end.
+    #[arg(long)]
+    dry_run: bool,
+    /// Entry of the operator, such as serial="A 17" or humidity=40%; more than one is possible.
+    #[arg(long, value_name = "NAME=TEXT", value_parser = entry)]
+    entry: Vec<(String, String)>,
+    /// Thickness of a gauge under the sensor's target, and how far the reading rose: 2mm:2.01mm.
+    #[arg(long, value_name = "TRUE:READ", value_parser = gauge)]
+    gauge: Option<[f64; 2]>,
+    /// Highest frequency of the film's use.
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 0.2)]
+    band: f64,
+    /// Cycles of each sine of the excitation.
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    cycles: u32,
+    /// Length of the hold in the excitation.
+    #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 90.0)]
+    hold: f64,
+    /// Rest before the verification.
+    #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 60.0)]
+    rest: f64,
+    /// Segments of the verification; a record with fewer than 59 does not pass.
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    segments: usize,
+    /// Largest error of a segment that passes, % of the range, with the sensor; twice as much without it.
+    #[arg(long, value_name = "PCT", value_parser = quantity::number, default_value_t = 5.0)]
+    max_error: f64,
+    /// Seed of the segments, and of the simulated bench.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+}
+
+/// The bench.
+#[derive(Debug, Args)]
+#[group(required = true, multiple = false)]
+struct BenchOptions {
+    /// Port of a controller: a serial port such as /dev/ttyUSB0, or tcp:HOST:PORT.
+    #[arg(long, value_name = "PORT")]
+    port: Option<String>,
+    /// A simulated bench with this film.
+    #[arg(long, value_name = "FILM", value_parser = named::<film::Plant>())]
+    plant: Option<film::Plant>,
+    /// A simulated bench with the film hossain and this fault, such as leak=0.1.
+    #[arg(long, value_name = "FAULT=STRENGTH", value_parser = fault)]
+    fault: Option<Fault>,
+}
+
+fn pair(text: &str, between: char) -> std::result::Result<(&str, &str), String> {
+    text.split_once(between).ok_or_else(|| format!("two parts with {between:?} between them are needed"))
+}
+
+fn entry(text: &str) -> std::result::Result<(String, String), String> {
+    pair(text, '=').map(|(name, value)| (name.trim().to_owned(), value.trim().to_owned()))
+}
+
+fn gauge(text: &str) -> std::result::Result<[f64; 2], String> {
+    let (wanted, read) = pair(text, ':')?;
+    Ok([quantity::metres(wanted)?, quantity::metres(read)?])
+}
+
+fn fault(text: &str) -> std::result::Result<Fault, String> {
+    let (name, strength) = pair(text, '=')?;
+    let names: Vec<&str> = FaultKind::CHOICES.iter().map(|(_, name, _)| *name).collect();
+    let kind =
+        FaultKind::from_name(name).ok_or_else(|| format!("no fault {name:?}; there are {}", names.join(", ")))?;
+    Ok(Fault { kind, strength: quantity::number(strength)? })
+}
+
+/// A record of commissioning.
+#[derive(Serialize)]
+struct Record<'a> {
+    /// Its kind.
+    record: &'static str,
+    made: Origin,
+    /// What the operator stated; nothing checks it.
+    entries: BTreeMap<&'a str, &'a str>,
+    #[serde(flatten)]
+    report: &'a Report,
+}
+
+impl Arguments {
+    fn plan(&self) -> Result<Plan> {
+        let (actuator, board, assumed_sizes) = Parameters::load_board(&self.board)?;
+        let lacks = board.lacks();
+        if !lacks.is_empty() && self.bench.port.is_some() {
+            let cause = format!("the [board] table has no {}: those of your bench are needed", lacks.join(", "));
+            return Err(Error::file(Path::new(&self.board), cause));
+        }
+        positive("band", self.band)?;
+        at_most("band", self.band, 5.0)?;
+        at_most("hold", self.hold, 1e4)?;
+        at_most("rest", self.rest, 1e4)?;
+        positive("max_error", self.max_error)?;
+        if !(1..=1000).contains(&self.segments) {
+            return Err(Error::field("segments", "must be from 1 to 1000"));
+        }
+        if !(1..=100).contains(&self.cycles) {
+            return Err(Error::field("cycles", "must be from 1 to 100"));
+        }
+        if let Some([wanted, _]) = self.gauge {
+            positive("gauge", wanted)?;
+        }
+        let steps = match (self.from, self.only) {
+            (_, Some(only)) => [only, only],
+            (from, None) => [from.unwrap_or(Step::SelfTest), Step::Verify],
+        };
+        Ok(Plan {
+            steps,
+            band_hz: self.band,
+            hold_s: self.hold,
+            cycles: self.cycles,
+            rest_s: self.rest,
+            segments: self.segments,
+            allowed_pct: [2.0 * self.max_error, self.max_error],
+            gauge_m: self.gauge,
+            dry_run: self.dry_run,
+            seed: self.seed,
+            ..Plan::new(actuator, assumed_sizes, board)
+        })
+    }
+}
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
+    let plan = arguments.plan()?;
+    let provisional = commission::provisional(&plan)?;
+    let (record, page) = (arguments.out.join(RECORD), arguments.out.join(PAGE));
+    for file in [&record, &page] {
+        output::check(file, &[Path::new(&arguments.board)], Folders::AreMade)?;
+    }
+    // Removed again if it stays empty.
+    let _folder = Folder::at(&arguments.out)?;
+    // A sitting that does not end leaves no record, not even that of another one.
+    for old in [&record, &page].into_iter().filter(|old| old.exists()) {
+        std::fs::remove_file(old).map_err(|e| Error::file(old, e))?;
+    }
+    let film = Film::new(arguments.bench.plant.unwrap_or(film::Plant::Hossain));
+    let mut bench: Box<dyn Bench + '_> = match &arguments.bench.port {
+        Some(port) => Box::new(LinkedBench::at(port)?),
+        None => {
+            const SUBSTEP_S: f64 = 5e-4;
+            let plant = Box::new(NonlinearPlant::at_rest(&film, SUBSTEP_S));
+            let faults = arguments.bench.fault.into_iter().collect();
+            Box::new(SimulatedBench::new(
+                plant,
+                SUBSTEP_S,
+                &provisional,
+                Instruments::default(),
+                faults,
+                arguments.seed,
+            )?)
+        }
+    };
+    // From here on Ctrl-C comes to an end at 0 V.
+    let stop = interrupt::live_film();
+    let bar = Progress::unknown("commission");
+    let report = commission::commission(bench.as_mut(), &plan, &arguments.out, stop, &|stage| bar.enter(stage));
+    bar.finish_and_clear();
+    let mut report = report?;
+    for finding in &mut report.findings {
+        finding.measured = with_flags(&finding.measured);
+    }
+    let made = Record {
+        record: "commissioning",
+        made: origin::now(),
+        entries: arguments.entry.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect(),
+        report: &report,
+    };
+    let document = Document::from_report(&made)?;
+    let html = record_page::html(&report, &made.entries, &made.made, &document);
+    output::write_whole(&page, |file| file.write_all(html.as_bytes()))?;
+    let mut files = report.files.clone();
+    files.push(page);
+    files.dedup();
+    seal::write(&record, &made, &files)?;
+    terminal::report(json, &made, || text(&report, &record))?;
+    Ok(if report.verdict.passed { Verdict::Yes } else { Verdict::No })
+}
+
+fn text(report: &Report, record: &Path) -> String {
+    let mut text = format!("{}\n{}", report.verdict.sentence, report.verdict.next);
+    for finding in report.findings.iter().skip(1) {
+        let _ = write!(text, "\nalso {}: {}; {}", finding.cause.name(), finding.measured, finding.advice);
+    }
+    let passed = if report.verdict.passed { "passes" } else { "does not pass" };
+    let _ = write!(text, "\n{}: the record {passed}; {PAGE} is its page", shown(record));
+    text
+}
+
+#[derive(Debug, Args)]
+pub(super) struct VerifyArguments {
+    /// Record that `commission` wrote, beside its files.
+    #[arg(value_name = "RECORD")]
+    record: PathBuf,
+}
+
+#[derive(Serialize)]
+struct Verified<'a> {
+    record: String,
+    files: usize,
+    passed: bool,
+    sentence: &'a str,
+    seal: &'a str,
+}
+
+pub(super) fn verify(arguments: &VerifyArguments, json: bool) -> Result<Verdict> {
+    let record = seal::verify(&arguments.record)?;
+    let verdict = record.get("verdict");
+    let verified = Verified {
+        record: shown(&arguments.record),
+        files: record.get("files").and_then(|files| files.as_array()).map_or(0, Vec::len),
+        passed: verdict.and_then(|verdict| verdict.get("passed")?.as_bool()).unwrap_or(false),
+        sentence: verdict.and_then(|verdict| verdict.get("sentence")?.as_str()).unwrap_or_default(),
+        seal: record.get("seal").and_then(|seal| seal.as_str()).unwrap_or_default(),
+    };
+    terminal::report(json, &verified, || {
+        let passed = if verified.passed { "passes" } else { "does not pass" };
+        format!(
+            "{}: unchanged since it was sealed, with {} files; it {passed}: {}\nseal {}",
+            verified.record, verified.files, verified.sentence, verified.seal
+        )
+    })?;
+    Ok(if verified.passed { Verdict::Yes } else { Verdict::No })
+}

@@ -1,0 +1,125 @@
+//! A controller at a port as a bench that is commissioned.
+
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use dea_driver::wire::{Command, Identity, Telemetry};
+use dea_driver::{Blob, Cause, DriverState};
+
+use super::asking::some_ticks;
+use super::live;
+use super::self_test::SelfTest;
+use crate::commission::bench::{Bench, Check, Mode, Pilot, ROWS_HZ, Row};
+use crate::error::{Error, Result, short};
+use crate::files::parameters::{Parameters, as_written};
+use crate::interrupt;
+use crate::link::{Client, Port, named};
+
+/// Ticks per second.
+const RATE_HZ: f64 = 1000.0;
+/// A board that has sent no sample for so long does not tick.
+const SILENT: Duration = Duration::from_secs(2);
+
+/// A controller at a port.
+pub(in crate::commands) struct LinkedBench {
+    client: Client,
+    identity: Identity,
+    port: String,
+    begun: Instant,
+}
+
+impl LinkedBench {
+    pub(in crate::commands) fn at(port: &str) -> Result<Self> {
+        let (client, identity) = Client::new(Port::open(port)?)?;
+        Ok(Self { client, identity, port: port.into(), begun: Instant::now() })
+    }
+
+    /// Samples to the `pilot`, and its targets to the controller, until one of them ends it.
+    fn talk(&mut self, mode: Mode, pilot: &mut Pilot<'_>) -> Result<()> {
+        let mut first = None;
+        let mut row_of = |sample: &Telemetry, host_s: f64| {
+            let (tick, from_s) = *first.get_or_insert((sample.tick, host_s));
+            Row {
+                time_s: from_s + f64::from(sample.tick.wrapping_sub(tick)) / RATE_HZ,
+                host_s,
+                command_v: as_written(sample.command_v),
+                monitor_v: as_written(sample.monitor_v),
+                displacement_m: as_written(sample.displacement_m),
+                reference_m: as_written(sample.reference_m),
+            }
+        };
+        loop {
+            let Some(sample) = self.client.sample(Instant::now() + SILENT)? else {
+                return Err(self.client.silent_stream());
+            };
+            let Some(mut target) = pilot(&row_of(&sample, self.begun.elapsed().as_secs_f64())) else { return Ok(()) };
+            // Of those that have come together the last counts.
+            for sample in self.client.waiting_samples() {
+                let Some(next) = pilot(&row_of(&sample, self.begun.elapsed().as_secs_f64())) else { return Ok(()) };
+                target = next;
+            }
+            let set = match mode {
+                Mode::Voltage => Command::SetVoltage(target as f32),
+                _ => Command::SetReference(target as f32),
+            };
+            self.client.order(set)?;
+        }
+    }
+}
+
+impl Bench for LinkedBench {
+    fn name(&self) -> String {
+        self.port.clone()
+    }
+
+    fn firmware(&self) -> String {
+        format!("{} on board {:#06x}", self.identity.firmware, self.identity.board)
+    }
+
+    fn self_test(&mut self) -> Result<Vec<Check>> {
+        SelfTest::USUAL.checks(&mut self.client, &self.identity, interrupt::live_film())
+    }
+
+    fn install(&mut self, parameters: &Parameters, keep: bool) -> Result<u32> {
+        let blob = parameters.to_blob(&parameters.board_or_bench(RATE_HZ), RATE_HZ)?;
+        let decoded: Blob =
+            Blob::decode(&blob, self.identity.board).map_err(|error| Error::Computation(short(&error)))?;
+        let checksum = decoded.checksum().unwrap_or_default();
+        self.client.upload(&blob, keep)?;
+        self.client.expect_parameters(checksum)?;
+        // It is armed once it has seen its instruments for some ticks.
+        some_ticks(&mut self.client, &AtomicBool::new(false))?;
+        Ok(checksum)
+    }
+
+    fn restore(&mut self) -> Result<()> {
+        self.client.order(Command::Reload)
+    }
+
+    fn run(&mut self, mode: Mode, pilot: &mut Pilot<'_>) -> Result<Option<String>> {
+        self.client.waiting_samples();
+        self.client.arm()?;
+        let every = (RATE_HZ / ROWS_HZ) as u16;
+        let started = self
+            .client
+            .order(Command::Stream { every })
+            .and_then(|()| self.client.order(Command::Start(mode)))
+            .and_then(|()| self.talk(mode, pilot));
+        // Before it is disarmed: a trip is a finding, and any other error ends the sitting.
+        let state = self.client.status().map(|status| status.state);
+        let ended = live::disarm(&mut self.client);
+        let quiet = self.client.order(Command::Stream { every: 0 });
+        match state? {
+            DriverState::Tripped(Cause::LiveFilm) => ended.and(started).map(|()| None),
+            state @ DriverState::Tripped(_) => {
+                ended.or_else(|_| self.client.order(Command::Acknowledge))?;
+                Ok(Some(named(state)))
+            }
+            _ => started.and(ended).and(quiet).map(|()| None),
+        }
+    }
+
+    fn gauge(&mut self, _: f64) -> Option<f64> {
+        None
+    }
+}
