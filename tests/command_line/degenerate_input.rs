@@ -138,7 +138,7 @@ fn drop_outs_do_not_choose_the_structure() {
         let out = |t: f64| (t * 7.3).fract() < 0.01;
         record(&bench, file, 60.0, 20.0, |t| (cycles(t, period), Some(if out(t) { -0.02 } else { film(t) })));
     }
-    let report = sane(&bench, "a.csv b.csv", "--loss huber --topology parallel");
+    let report = sane(&bench, "a.csv b.csv", "--loss huber --topology parallel --curve none");
     assert!(report["branches"].as_u64() > Some(0), "a single springpot is not enough");
     let mut chosen = rows(&report["structures"]).iter().filter(|row| row["chosen"] == true);
     assert!(chosen.all(|row| number(&row["left_out_nrmse_pct"]) < 2.0), "{report}");
@@ -164,7 +164,7 @@ fn hours_of_samples() {
     let hours = if full_sweep() { 10.0 } else { 1.0 };
     let creep = |t: f64| 1e-4 * (t / 3600.0).ln_1p();
     record(&bench, "long.csv", 3600.0 * hours, 10.0, |t| (voltage(t), Some(displacement(t) + creep(t))));
-    let report = sane(&bench, "long.csv", "--branches 1 --topology parallel");
+    let report = sane(&bench, "long.csv", "--branches 1 --topology parallel --curve none");
     assert!(number(&report["r2_mean"]) > 0.98, "{report}");
 }
 

@@ -202,6 +202,22 @@ impl Curve {
         2.0 * cubic.second + 6.0 * cubic.third * u
     }
 
+    /// T(x) in m, T'(x), and T''(x) in 1/m for many displacements (m): the same values, with the pieces computed once.
+    pub fn evaluator(&self) -> impl Fn(f64) -> [f64; 3] + use<> {
+        let pieces = self.knots.windows(2).map(|pair| (pair[0].displacement, Cubic::between(&pair[0], &pair[1])));
+        let pieces: Vec<(f64, Cubic), { MAX_KNOTS - 1 }> = pieces.collect();
+        let (low, high) = self.range();
+        move |displacement| {
+            let within = between(displacement, low, high);
+            let index = pieces.iter().rposition(|(from, _)| *from <= within).unwrap_or(0);
+            let (from, cubic) = pieces[index];
+            let u = within - from;
+            let slope = cubic.slope_at(u);
+            let curvature = if displacement == within { 2.0 * cubic.second + 6.0 * cubic.third * u } else { 0.0 };
+            [cubic.value + cubic.beyond(u) + slope * (displacement - within), slope, curvature]
+        }
+    }
+
     /// The displacement in m where T has the value `value_m` (m).
     #[must_use]
     pub fn inverse(&self, value_m: f64) -> f64 {

@@ -56,12 +56,15 @@ impl Measure {
         if stretch < 0.01 {
             return Err(CurveError::Taut { displacement_m: low_m, stretch });
         }
-        Curve::scaled(&spread(low_m, high_m, PIECES, |displacement| {
-            let ln_stretch = libm::log1p(displacement / length_m);
+        let ln_stretch = |displacement: f64| libm::log1p(displacement / length_m);
+        let slope = |ln_stretch: f64| libm::exp((exponent - 1.0) * ln_stretch);
+        let knot = |displacement: f64| {
+            let ln_stretch = ln_stretch(displacement);
             // expm1(m y)/m, which is y where m is 0.
             let scaled = exponent * ln_stretch;
             let growth = if scaled.abs() < 1e-9 { ln_stretch } else { libm::expm1(scaled) / exponent };
-            Knot { displacement, value: length_m * growth, slope: libm::exp((exponent - 1.0) * ln_stretch) }
-        }))
+            Knot { displacement, value: length_m * growth, slope: slope(ln_stretch) }
+        };
+        Curve::scaled(&spread(low_m, high_m, PIECES, |x| slope(ln_stretch(x)), knot))
     }
 }

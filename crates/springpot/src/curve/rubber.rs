@@ -68,7 +68,7 @@ impl Rubber {
             let (stress, slope) = self.stress(self.stretch(displacement));
             Knot { displacement, value: stress * self.free_length_m, slope }
         };
-        Curve::scaled(&spread(low_m, high_m, MAX_KNOTS - 1, knot))
+        Curve::scaled(&spread(low_m, high_m, MAX_KNOTS - 1, |x| knot(x).slope, knot))
     }
 
     fn stretch(&self, displacement_m: f64) -> f64 {

@@ -7,12 +7,14 @@ use crate::curve::{Knot, MAX_KNOTS};
 /// Points from which the knots are chosen.
 const GRID: usize = 512;
 
-/// Knots for `pieces` cubic pieces, at most 16, from `low_m` to `high_m` (m), with the values and slopes of `knot` at their ends.
+/// Knots for `pieces` cubic pieces, at most 16, from `low_m` to `high_m` (m), with the values and slopes of `knot` at their ends, `slope`
+/// alone for their places.
 #[allow(clippy::cast_precision_loss)] // a few hundred points
 pub(super) fn spread(
     low_m: f64,
     high_m: f64,
     pieces: usize,
+    slope: impl Fn(f64) -> f64,
     knot: impl Fn(f64) -> Knot<f64>,
 ) -> Vec<Knot<f64>, MAX_KNOTS> {
     let width = (high_m - low_m) / GRID as f64;
@@ -20,7 +22,7 @@ pub(super) fn spread(
     // integral of the fourth root of that derivative, which is the third derivative of the slope.
     let bend = |k: usize| {
         let centre = (low_m + (k as f64 + 0.5) * width).clamp(low_m + 1.5 * width, high_m - 1.5 * width);
-        let slope = |steps: f64| knot(centre + steps * width).slope;
+        let slope = |steps: f64| slope(centre + steps * width);
         let third = (slope(1.5) - slope(-1.5)) - 3.0 * (slope(0.5) - slope(-0.5));
         libm::sqrt(libm::sqrt(third.abs()))
     };

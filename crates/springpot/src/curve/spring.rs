@@ -86,7 +86,7 @@ impl Spring {
         };
         if curve.knots().len() > MAX_SPRING_KNOTS {
             let (low_m, high_m) = curve.range();
-            let mut knots = spread(low_m, high_m, MAX_SPRING_KNOTS - 1, scaled);
+            let mut knots = spread(low_m, high_m, MAX_SPRING_KNOTS - 1, |x| scaled(x).slope, scaled);
             // Without a knot at 0 the force there is that of its piece.
             let at_rest = Curve::unscaled(&knots)?.value(0.0);
             knots.iter_mut().for_each(|knot| knot.value -= at_rest);
@@ -135,6 +135,11 @@ impl Spring {
     #[must_use]
     pub fn slope(&self, displacement_m: f64) -> f64 {
         self.0.slope(displacement_m)
+    }
+
+    /// E(x) in N, E'(x) in N/m, and E''(x) in N/m² for many displacements (m), as [`Curve::evaluator`].
+    pub fn evaluator(&self) -> impl Fn(f64) -> [f64; 3] + use<> {
+        self.0.evaluator()
     }
 
     /// The displacement (m) of the smallest slope, and that slope (N/m).

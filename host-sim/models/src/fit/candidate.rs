@@ -232,7 +232,8 @@ impl Variable {
         self.is_of_bend() || matches!(self, Self::Steepness(_))
     }
 
-    fn is_of_bend(self) -> bool {
+    /// Whether it is of the curve that force follows, the spring aside.
+    pub fn is_of_bend(self) -> bool {
         matches!(
             self,
             Self::Share | Self::Limit | Self::FreeLength | Self::Slope(_) | Self::Exponent | Self::MeasureLength

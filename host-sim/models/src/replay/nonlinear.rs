@@ -68,15 +68,17 @@ pub struct BentFilm<'a> {
 impl BentFilm<'_> {
     /// Force (N) along `displacement` (m).
     pub fn force(&self, circle: &FullMemory, displacement: &[f64]) -> Vec<f64> {
-        let stretched: Vec<f64> = displacement.iter().map(|&x| self.curve.value(x)).collect();
+        let at = self.curve.evaluator();
+        let stretched: Vec<f64> = displacement.iter().map(|&x| at(x)[0]).collect();
         if let Some(spring) = self.spring {
+            let elastic = spring.evaluator();
             let series = |of: &[f64], through: &[Complex<f64>]| {
                 let spectrum = circle.spectrum(of);
                 circle.series(spectrum.iter().zip(through).map(|(value, k)| value * k).collect(), of.len())
             };
             let (memory, inertia) = (series(&stretched, self.kernel), series(displacement, self.inertia));
             let forces = displacement.iter().zip(memory).zip(inertia);
-            return forces.map(|((&x, m), i)| spring.force(x) + self.curve.slope(x) * m + i).collect();
+            return forces.map(|((&x, m), i)| elastic(x)[0] + at(x)[1] * m + i).collect();
         }
         let (s, x) = (circle.spectrum(&stretched), circle.spectrum(displacement));
         let force = s.iter().zip(self.kernel).zip(x.iter().zip(self.inertia));

@@ -29,9 +29,11 @@ struct Shared {
 impl Objective {
     /// Derivatives of the residuals with respect to `variables`, one column each.
     pub fn jacobian(&self, candidate: &Candidate, evaluation: &Evaluation, variables: &[Variable]) -> Vec<Vec<f64>> {
+        let bends = variables.iter().filter_map(|&variable| Some((variable, curves_beside(candidate, variable)?)));
+        let bends: Vec<(Variable, [Curve; 2])> = bends.collect();
         let near: Vec<Linearised> = (0..self.records.len())
             .into_par_iter()
-            .map(|index| Linearised::new(self, candidate, evaluation, index))
+            .map(|index| Linearised::new(self, candidate, evaluation, &bends, index))
             .collect();
         // What a few variables do to one observation is one task.
         let few: Vec<&[Variable]> = variables.chunks(LANES).collect();
@@ -46,6 +48,20 @@ impl Objective {
     }
 }
 
+/// The curve where `variable` is less and where it is more than in `candidate` by [`CURVE_STEP`]; none if it does not change it.
+fn curves_beside(candidate: &Candidate, variable: Variable) -> Option<[Curve; 2]> {
+    if !variable.is_of_bend() {
+        return None;
+    }
+    let value = variable.get(candidate);
+    let at = |value: f64| -> Option<Curve> {
+        let mut bend = candidate.clone();
+        variable.set(&mut bend, value);
+        bend.bend.curve().ok().flatten()
+    };
+    Some([at(value - CURVE_STEP)?, at(value + CURVE_STEP)?])
+}
+
 /// The response of one observation near a candidate.
 struct Linearised<'a> {
     record: &'a Record,
@@ -54,6 +70,8 @@ struct Linearised<'a> {
     transfer: &'a Transfer,
     candidate: &'a Candidate,
     curves: Option<&'a Curves>,
+    /// The curve beside the candidate's, for each variable that bends it.
+    bends: &'a [(Variable, [Curve; 2])],
     /// Displacement (m), or force (N), on the grid.
     series: &'a [f64],
     /// Displacement (m) on the grid.
@@ -66,7 +84,13 @@ struct Linearised<'a> {
 
 impl<'a> Linearised<'a> {
     /// Near `candidate` the response of observation `index` of `objective`.
-    fn new(objective: &'a Objective, candidate: &'a Candidate, evaluation: &'a Evaluation, index: usize) -> Self {
+    fn new(
+        objective: &'a Objective,
+        candidate: &'a Candidate,
+        evaluation: &'a Evaluation,
+        bends: &'a [(Variable, [Curve; 2])],
+        index: usize,
+    ) -> Self {
         let record = &objective.records[index];
         let circle = &objective.circles[record.circle];
         let transfer = &evaluation.transfers[record.circle];
@@ -81,7 +105,8 @@ impl<'a> Linearised<'a> {
             shared.stretched = stretched(circle, curve, displacement);
             shared.weighted = spring.as_ref().map(|_| {
                 let memory = circle.series(product(&shared.stretched, &transfer.kernel), record.samples);
-                [displacement.iter().map(|&x| curve.slope(x)).collect(), memory]
+                let at = curve.evaluator();
+                [displacement.iter().map(|&x| at(x)[1]).collect(), memory]
             });
         }
         if !record.measures_force() {
@@ -97,6 +122,7 @@ impl<'a> Linearised<'a> {
             transfer,
             candidate,
             curves,
+            bends,
             series,
             displacement,
             modelled: &evaluation.modelled[index],
@@ -155,22 +181,19 @@ impl<'a> Linearised<'a> {
     /// ∂(E(x) + T'(x) M[T(x)])/∂ `variable` of the memory or the curves along the displacement, from T' and M there.
     fn change_beside(&self, [slopes, memory]: &[Vec<f64>; 2], variable: Variable) -> Option<Vec<f64>> {
         if let Variable::Steepness(knot) = variable {
-            let change = self.candidate.spring.as_ref()?.change(knot).ok()?;
-            return Some(self.displacement.iter().map(|&x| change.force(x)).collect());
+            let change = self.candidate.spring.as_ref()?.change(knot).ok()?.evaluator();
+            return Some(self.displacement.iter().map(|&x| change(x)[0]).collect());
         }
-        let spectrum = if variable.is_of_memory() {
-            self.modulus_change(&self.shared.stretched, variable)?
-        } else {
-            product(&self.circle.spectrum(&self.curve_change(variable, Curve::value)?), &self.transfer.kernel)
+        let bent = if variable.is_of_memory() { None } else { Some(self.curve_changes(variable)?) };
+        let spectrum = match &bent {
+            None => self.modulus_change(&self.shared.stretched, variable)?,
+            Some([stretched, _]) => product(&self.circle.spectrum(stretched), &self.transfer.kernel),
         };
         let mut force = self.circle.series(spectrum, self.record.samples);
         force.iter_mut().zip(slopes).for_each(|(force, slope)| *force *= slope);
-        if !variable.is_of_memory() {
-            let turned = self.curve_change(variable, Curve::slope)?;
-            force
-                .iter_mut()
-                .zip(turned.iter().zip(memory))
-                .for_each(|(force, (slope, memory))| *force += slope * memory);
+        if let Some([_, turned]) = bent {
+            let turned = turned.iter().zip(memory);
+            force.iter_mut().zip(turned).for_each(|(force, (slope, memory))| *force += slope * memory);
         }
         Some(force)
     }
@@ -197,7 +220,7 @@ impl<'a> Linearised<'a> {
                 Some(spectrum.iter().zip(ln_s).map(|(x, z)| x * (2.0 * z).exp() * mass_kg).collect())
             }
             _ if variable.is_of_curve() => {
-                let change = self.curve_change(variable, Curve::value)?;
+                let [change, _] = self.curve_changes(variable)?;
                 Some(product(&self.circle.spectrum(&change), &self.transfer.kernel))
             }
             _ => None,
@@ -214,16 +237,16 @@ impl<'a> Linearised<'a> {
         }
     }
 
-    /// ∂/∂ `variable` of T, or of what `of` takes of it, along the displacement.
-    fn curve_change(&self, variable: Variable, of: fn(&Curve, f64) -> f64) -> Option<Vec<f64>> {
-        let value = variable.get(self.candidate);
-        let at = |value: f64| -> Option<Curve> {
-            let mut bend = self.candidate.clone();
-            variable.set(&mut bend, value);
-            bend.bend.curve().ok().flatten()
+    /// ∂/∂ `variable` of T and of T' along the displacement.
+    fn curve_changes(&self, variable: Variable) -> Option<[Vec<f64>; 2]> {
+        let (_, beside) = self.bends.iter().find(|(bent, _)| *bent == variable)?;
+        let [less, more] = beside.each_ref().map(Curve::evaluator);
+        let change = |&x: &f64| {
+            let ([less, less_slope, _], [more, more_slope, _]) = (less(x), more(x));
+            ((more - less) / (2.0 * CURVE_STEP), (more_slope - less_slope) / (2.0 * CURVE_STEP))
         };
-        let (more, less) = (at(value + CURVE_STEP)?, at(value - CURVE_STEP)?);
-        Some(self.displacement.iter().map(|&x| (of(&more, x) - of(&less, x)) / (2.0 * CURVE_STEP)).collect())
+        let (values, slopes) = self.displacement.iter().map(change).unzip();
+        Some([values, slopes])
     }
 
     /// The force whose response is the derivative of the displacement: ∂F/∂v − ∂(m s² x + K T(x))/∂v for the variable v, as a
@@ -271,7 +294,7 @@ impl<'a> Linearised<'a> {
 }
 
 /// Variables whose derivatives are stepped together.
-const LANES: usize = 4;
+const LANES: usize = 8;
 
 /// Changes of a displacement with small changes of the force: a law with coupling, or with curves, linearised along its motion.
 ///
@@ -300,16 +323,16 @@ impl Tangent {
     ) -> Self {
         let actuator = &candidate.actuator;
         let scale = actuator.force_per_square_volt() * actuator.stretch_coupling;
-        let slope = |(k, x): (usize, &f64)| {
+        let at = curves.map(|curves| curves.curve.evaluator());
+        let elastic = curves.and_then(|curves| Some(curves.spring.as_ref()?.evaluator()));
+        let slope = |(k, &x): (usize, &f64)| {
             let grows = match &record.drive {
                 DriveSpectra::Voltage { squared, .. } => scale * actuator.saturated(squared[k]),
                 _ => 0.0,
             };
-            let slope = curves.map_or(1.0, |curves| curves.curve.slope(*x));
-            match (curves, memory) {
-                (Some(Curves { curve, spring: Some(spring) }), Some(memory)) => {
-                    [slope, grows - spring.slope(*x) - curve.curvature(*x) * memory[k], slope]
-                }
+            let [_, slope, curvature] = at.as_ref().map_or([x, 1.0, 0.0], |at| at(x));
+            match (&elastic, memory) {
+                (Some(elastic), Some(memory)) => [slope, grows - elastic(x)[1] - curvature * memory[k], slope],
                 _ => [slope, grows, 1.0],
             }
         };

@@ -379,7 +379,8 @@ fn delayed(series: &[f64], place: f64) -> (f64, f64) {
 
 /// The spectrum of T(x) along `displacement` (m).
 fn stretched(circle: &FullMemory, curve: &Curve, displacement: &[f64]) -> Spectrum {
-    circle.spectrum(&displacement.iter().map(|&x| curve.value(x)).collect::<Vec<_>>())
+    let at = curve.evaluator();
+    circle.spectrum(&displacement.iter().map(|&x| at(x)[0]).collect::<Vec<_>>())
 }
 
 /// The product of two spectra.
