@@ -213,7 +213,8 @@ impl Curve {
             let (from, cubic) = pieces[index];
             let u = within - from;
             let slope = cubic.slope_at(u);
-            let curvature = if displacement == within { 2.0 * cubic.second + 6.0 * cubic.third * u } else { 0.0 };
+            let is_beyond = displacement < low || displacement > high;
+            let curvature = if is_beyond { 0.0 } else { 2.0 * cubic.second + 6.0 * cubic.third * u };
             [cubic.value + cubic.beyond(u) + slope * (displacement - within), slope, curvature]
         }
     }

@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use springpot::{
     Actuator, ActuatorError, Applied, CommandLimits, Curve, CurveError, Discretisation, Feedforward, Knot, Law,
-    LawError, LawOptions, LawState, Limited, Load, Maxwell, Observer, ObserverOptions, Real, Rubber, SensorSample,
-    Springpot, Topology, VoltageDrive,
+    LawError, LawOptions, LawState, Limited, Load, Maxwell, Measure, Observer, ObserverOptions, Real, Rubber,
+    SensorSample, Springpot, Topology, VoltageDrive,
 };
 
 use crate::support::bent_films::{Bent, STEP_S, film, run};
@@ -314,6 +314,21 @@ fn rubber_has_the_stress_of_its_formula() {
             assert!(error < 2e-4, "share {share}, limit {limit}, rest {rest_stretch}, x = {x}: {error:e}");
         }
         assert_eq!(curve.knots().len(), 17);
+    }
+}
+
+/// Many values at once are the values one by one, to the bit, beyond the ends and on the knots as well.
+#[test]
+fn an_evaluator_has_the_bits_of_the_curve() {
+    let hencky = Measure { exponent: 0.0, length_m: 0.06 }.curve(-1e-3, 10e-3).expect("a measure");
+    for curve in [cubic(-1e-3, 3e-3, 7), hencky] {
+        let (low, high) = curve.range();
+        let at = curve.evaluator();
+        let spread = (-50..150).map(|k| low + 0.01 * f64::from(k) * (high - low));
+        for x in curve.knots().iter().map(|knot| knot.displacement).chain(spread) {
+            let expected = [curve.value(x), curve.slope(x), curve.curvature(x)];
+            assert_eq!(at(x).map(f64::to_bits), expected.map(f64::to_bits), "{x}");
+        }
     }
 }
 
