@@ -86,6 +86,9 @@ const FLOOR: f64 = 2e-4;
 const MIN_DIFFERENCE_ONE_AMPLITUDE: f64 = 0.446;
 /// A cost so many times the least is far from it: errors 1.3 times as large.
 const FAR: f64 = 1.7;
+/// Share of the mean squares on what was left out that rules out a structure whose fit is far from another one: what only one part of the recordings
+/// shows, no structure predicts well.
+const MIN_LEFT_OUT: f64 = 0.45;
 /// Share of a cost to which one more branch must bring it for another to be tried.
 const WORTH: f64 = 0.97;
 
@@ -173,10 +176,16 @@ fn difference(one: &[f64], other: &[f64]) -> (f64, f64) {
     (mean, (variance / n).sqrt())
 }
 
+/// The mean of mean squares in blocks.
+fn mean(squares: &[f64]) -> f64 {
+    squares.iter().map(|square| square + FLOOR * FLOOR).sum::<f64>() / squares.len() as f64
+}
+
 /// The structure that is selected among fits to the same recordings, with a row for each.
 ///
 /// The best has the least errors on what was left out; if no structure has such errors, because the search was interrupted, those of the
-/// fit itself count. Selected is the smallest that a paired comparison does not distinguish from it. A nonlinearity that only one amplitude supports
+/// fit itself count. Selected is the smallest that a paired comparison does not distinguish from it, and whose fit is not far from another one that
+/// predicts what was left out about as well. A nonlinearity that only one amplitude supports
 /// must do clearly better than every linear film.
 pub(super) struct Selection {
     /// Its place among the fits.
@@ -210,6 +219,15 @@ impl Selection {
             .filter(|&k| if wanted_nonlinear { !fits[k].is_linear() } else { is_supported(k) })
             .filter(|&k| errors(k).is_some())
             .collect();
+        // A single block, such as the ramp of a relaxation, changes the mean logarithm by no more than chance does.
+        let is_far_from = |k: usize, other: usize| {
+            let farther = |of: fn(&StructureFit) -> Option<&[f64]>, factor: f64| {
+                of(&fits[k]).zip(of(&fits[other])).is_some_and(|(this, best)| mean(this) > factor * mean(best))
+            };
+            farther(|fit| Some(&fit.fitted), FAR) && farther(|fit| fit.left_out.as_deref().ok(), MIN_LEFT_OUT)
+        };
+        let is_ruled_out = |k: &usize| admitted.iter().any(|&other| is_far_from(*k, other));
+        let admitted: Vec<usize> = admitted.iter().copied().filter(|k| !is_ruled_out(k)).collect();
         let best = admitted.iter().copied().min_by(by_size);
         let is_not_worse = |k: &usize| {
             let pair = best.and_then(errors).zip(errors(*k));
