@@ -64,10 +64,19 @@ fn text(report: &Report) -> String {
 fn line(facts: &Facts) -> String {
     let drive = &facts.drive;
     let list = |values: &[f64]| values.iter().map(|value| format!("{value:.4}")).collect::<Vec<_>>().join(", ");
-    let unit = if facts.driven_by == "voltage" { "V" } else { "N" };
+    let (unit, per_unit) = match facts.driven_by {
+        "voltage" => ("V", 1.0),
+        "displacement" => ("mm", 1e3),
+        _ => ("N", 1.0),
+    };
     let mut text = format!(
         "{}: {:.1} s at {:.1} Hz; {} up to {:.1} {unit}, {:.1} s of rest first",
-        facts.file, facts.duration_s, facts.rate_hz, facts.driven_by, drive.peak, drive.rest_s
+        facts.file,
+        facts.duration_s,
+        facts.rate_hz,
+        facts.driven_by,
+        per_unit * drive.peak,
+        drive.rest_s
     );
     if !drive.frequencies_hz.is_empty() {
         let _ = write!(text, "; cycles of {} Hz", list(&drive.frequencies_hz));

@@ -3,13 +3,13 @@
 use serde::Serialize;
 
 use super::drive::{DriveFacts, HOLD_S, distinct};
-use super::explained::Course;
-use super::faults;
 pub use super::finding::{Finding, Severity};
 use super::rows;
 use crate::error::shown;
 use crate::files::recording::{Direction, Input, Recording};
-use crate::fit::{self, observation, statistics::median};
+use crate::fit::explained::Course;
+use crate::fit::statistics::{median, range};
+use crate::fit::{self, faults, observation};
 use crate::grid::Samples;
 
 /// The findings about recordings.
@@ -34,9 +34,9 @@ pub struct Facts {
     pub rate_hz: f64,
     /// Length, s.
     pub duration_s: f64,
-    /// The drive: `voltage` (V) or `force` (N).
+    /// The drive: `voltage` (V), `force` (N), or `displacement` (m) of a test whose force relaxes.
     pub driven_by: &'static str,
-    /// The drive, in V or N.
+    /// The drive, in V, N or m.
     pub drive: DriveFacts,
     /// Smallest and largest displacement, m.
     pub displacement_m: Option<[f64; 2]>,
@@ -76,9 +76,6 @@ pub fn check(recordings: &[Recording]) -> Report {
     Report { identifies, recordings: facts, findings }
 }
 
-/// A fault of this size, as a share of the stroke, is of no film.
-const SERIOUS: f64 = 0.1;
-
 /// Values that are implausible, before what results from them, and what the reader left out.
 fn of_values(recording: &Recording, findings: &mut Vec<Finding>) {
     let implausible = recording.implausible().into_iter().map(|finding| (Severity::Prevents, finding));
@@ -110,7 +107,7 @@ fn of_faults(recordings: &[Recording], facts: &[Facts], findings: &mut Vec<Findi
         |recording: &&Recording| facts.iter().any(|row| row.is_comparable && row.file == shown(recording.path()));
     let courses = recordings.iter().filter(is_comparable).filter_map(course).collect();
     for fault in faults::faults(courses, fastest_hz) {
-        let severity = if fault.size > SERIOUS { Severity::Prevents } else { Severity::Weakens };
+        let severity = if fault.size > faults::SERIOUS { Severity::Prevents } else { Severity::Weakens };
         findings.push(Finding { severity, file: fault.file, finding: fault.finding, advice: fault.advice.into() });
     }
 }
@@ -134,7 +131,13 @@ fn of_all(facts: &[Facts], findings: &mut Vec<Finding>) {
         ),
         [] => add(
             Severity::Weakens,
-            format!("a hold of {hold_s:.0} s and no cycle: creep under one load only"),
+            if facts.iter().all(|facts| facts.driven_by == "displacement") {
+                format!(
+                    "a hold of {hold_s:.0} s and no cycle: relaxation at one displacement only (fit with `drive` displacement)"
+                )
+            } else {
+                format!("a hold of {hold_s:.0} s and no cycle: creep under one load only")
+            },
             "record sines of two or three frequencies of the band that you will use as well",
         ),
         [one] if hold_s < HOLD_S && amplitudes.len() < 2 => add(
@@ -172,6 +175,16 @@ fn of_all(facts: &[Facts], findings: &mut Vec<Finding>) {
     }
 }
 
+/// The direction in which `recording` is a test: its displacement drives where it is held longer than the force beside it.
+fn direction(recording: &Recording) -> Direction {
+    let hold_s = |samples: &Samples| DriveFacts::new(samples).hold_s;
+    let Ok(Input::Force(force)) = recording.drive() else { return Direction::Force };
+    match recording.displacement_drive() {
+        Ok(drive) if hold_s(drive.samples()) > hold_s(&force) => Direction::Displacement,
+        _ => Direction::Force,
+    }
+}
+
 impl Facts {
     /// The facts of `recording`; its problems are added to `findings`. None where nothing can be found.
     fn from_recording(recording: &Recording, findings: &mut Vec<Finding>) -> Option<Self> {
@@ -179,7 +192,12 @@ impl Facts {
         let mut add = |severity, finding: String, advice: &str| {
             findings.push(Finding { severity, file: Some(file.clone()), finding, advice: advice.into() });
         };
-        let drive = match recording.drive() {
+        let direction = direction(recording);
+        let drive = match direction {
+            Direction::Force => recording.drive(),
+            Direction::Displacement => recording.displacement_drive(),
+        };
+        let drive = match drive {
             Ok(drive) => drive,
             Err(error) => {
                 add(Severity::Prevents, error.to_string(), "record the voltage on the electrodes in every row");
@@ -188,7 +206,8 @@ impl Facts {
         };
         let (driven_by, unit) = match drive {
             Input::Voltage(_) => ("voltage", "V"),
-            _ => ("force", "N"),
+            Input::Force(_) => ("force", "N"),
+            Input::Displacement(_) => ("displacement", "m"),
         };
         let facts = DriveFacts::new(drive.samples());
         let steps: Vec<f64> = recording.time_s().windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -202,7 +221,11 @@ impl Facts {
             return None;
         }
         judge_drive(driven_by, unit, &facts, (&drive, rate_hz, recording.duration_s()), &mut add);
-        let measured = recording.displacement().ok().filter(|measured| !measured.value.is_empty());
+        let measured = match direction {
+            Direction::Force => recording.displacement().ok(),
+            Direction::Displacement => recording.force(),
+        };
+        let measured = measured.filter(|measured| !measured.value.is_empty());
         let mut row = Self {
             file: file.clone(),
             rows: recording.time_s().len(),
@@ -217,6 +240,10 @@ impl Facts {
             empty: recording.time_s().len() - measured.as_ref().map_or(0, |measured| measured.value.len()),
         };
         match measured {
+            // Its force jumps where the displacement does.
+            Some(_) if direction == Direction::Displacement => {
+                (row.is_comparable, row.displacement_m) = (false, Some(range(&drive.samples().value).into()));
+            }
             Some(measured) => {
                 let coded_m = recording.drop_outs().map(|drop_outs| drop_outs.value_m);
                 row.judge(&measured, coded_m, &mut add);
@@ -233,7 +260,7 @@ impl Facts {
             ),
         }
         if row.displacement_m.is_some() {
-            judge_as_fit(recording, &mut add);
+            judge_as_fit(recording, direction, &mut add);
             // One line for one cause.
             let is_turned = findings.iter().any(|f| f.file.as_ref() == Some(&file) && f.finding.contains(TURNED));
             findings.retain(|f| !(is_turned && f.file.as_ref() == Some(&file) && f.finding == UPPER_HALF));
@@ -318,8 +345,8 @@ fn judge_drive(
 }
 
 /// Gaps, saturation and a turned sign, as a fit reports them.
-fn judge_as_fit(recording: &Recording, add: &mut impl FnMut(Severity, String, &str)) {
-    match observation::observe(recording, Direction::Force, 1.0) {
+fn judge_as_fit(recording: &Recording, direction: Direction, add: &mut impl FnMut(Severity, String, &str)) {
+    match observation::observe(recording, direction, 1.0) {
         Ok((_, warnings)) => {
             for warning in warnings {
                 let severity = match warning.severity {

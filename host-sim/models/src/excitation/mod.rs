@@ -2,8 +2,6 @@
 
 pub mod check;
 pub mod drive;
-mod explained;
-mod faults;
 mod finding;
 pub mod profile;
 mod rows;

@@ -3,7 +3,8 @@
 use host_fft::Planner;
 
 use super::finding::Severity;
-use crate::fit::statistics::{median, range, robust_deviation};
+pub(super) use crate::fit::statistics::noise;
+use crate::fit::statistics::{median, range};
 use crate::grid::{Grid, Samples};
 
 /// Noise of a reading that is reported, and noise of a drive, as shares of the stroke and the peak; beyond the last the rows are out of order.
@@ -160,12 +161,6 @@ fn disturbance(
             "empty the readings there (import `blank`), or record again",
         )
     })
-}
-
-/// RMS noise from row to row, from fourth differences.
-pub(super) fn noise(values: &[f64]) -> f64 {
-    let fourth: Vec<f64> = values.windows(5).map(|v| v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4]).collect();
-    robust_deviation(&fourth) / 70f64.sqrt()
 }
 
 /// Frequency (Hz) and amplitude of the strongest line of `measured`, far above the cycles of the drive and not one of the drive.

@@ -4,13 +4,15 @@
 //! [`objective`], model minus measurement, over the variables of a [`candidate`] model: from many starts for one structure
 //! (`descent`), for all structures of the settings (`search`), of which `selection` selects one, or by the paper's procedure
 //! (`pattern_search`).
-//! The `uncertainty` of the parameters comes last.
+//! Before it `faults` of the recordings are looked for; the `uncertainty` of the parameters comes last.
 
 pub mod bend;
 pub mod candidate;
 pub mod checks;
 mod delay;
 pub(crate) mod descent;
+pub(crate) mod explained;
+pub(crate) mod faults;
 pub mod objective;
 pub mod observation;
 pub mod options;
@@ -37,12 +39,12 @@ use crate::files::recording::{Direction, Input, Recording};
 use crate::progress::Stage;
 use crate::replay::expectation::{Recorded, Refit};
 use bend::Elastic;
-use candidate::Candidate;
+use candidate::{Candidate, Variable};
 use checks::Misfit;
 use descent::{Context, Found, PreparedObservations};
 use host_io::choice::Choice;
-use observation::Observation;
 pub use observation::ReadingFit;
+use observation::{Observation, Reading};
 pub use options::FitOptions;
 pub use preparation::{Severity, Warning};
 pub use report::FitReport;
@@ -102,8 +104,16 @@ pub fn fit(
         return Err(Error::Computation(cause));
     }
     let stages = Stages::new(settings, Kind::for_choice(settings.curve, observations).len() - 1, progress);
+    stages.note("faults of the recordings");
+    let faults = faults::Found::new(observations);
+    // Zeros are solved by least squares.
+    let is_solved = settings.method == Method::Lm && settings.loss == Loss::Square;
+    let observations = &with_zeros(observations, if is_solved { faults.reading() } else { Reading::default() });
     let prepared = PreparedObservations::new(observations, &settings.actuator)?;
-    let context = prepared.context(settings, stop);
+    let mut context = prepared.context(settings, stop);
+    if observations.iter().all(|observation| observation.reading.own_offset) {
+        context.freed.retain(|variable| *variable != Variable::Offset);
+    }
     if settings.branches.iter().all(|&branches| context.variables(branches).is_empty()) {
         return Err(Error::field("hold", "nothing is left to fit"));
     }
@@ -133,7 +143,22 @@ pub fn fit(
             refits = search::refits(&context, observations, &found)?;
         }
     }
-    Fit::new(&context, observations, settings, Selected { found, rows, refits }, uncertainty, interrupted)
+    Fit::new(&context, observations, settings, &faults, Selected { found, rows, refits }, uncertainty, interrupted)
+}
+
+/// `observations` whose readings have the zeros of `reading` as well.
+fn with_zeros(observations: &[Observation], reading: Reading) -> Vec<Observation> {
+    let with = |observation: &Observation| {
+        let own = observation.reading;
+        let reading = Reading {
+            own_offset: own.own_offset || reading.own_offset,
+            own_gain: own.own_gain,
+            drifts: reading.drifts,
+            settles: reading.settles,
+        };
+        Observation { reading, ..observation.clone() }
+    };
+    observations.iter().map(with).collect()
 }
 
 /// Description of the first recording that repeats another: no second measurement, with which intervals would be too narrow and left-out
@@ -168,6 +193,7 @@ impl Fit {
         context: &Context<'_>,
         observations: &[Observation],
         settings: &Settings,
+        faults: &faults::Found,
         selected: Selected,
         uncertainty: Option<Uncertainty>,
         interrupted: bool,
@@ -190,10 +216,14 @@ impl Fit {
         let r2_mean = mean_r2(&agreements);
         let residuals: Vec<Vec<f64>> = pairs().map(|(y, x)| y.iter().zip(x).map(|(y, x)| x - y).collect()).collect();
         let misfit = Misfit::new(observations, &residuals, structures.iter().find(|row| row.chosen));
-        let recorded = recorded(observations, &modelled, &candidate, misfit);
+        let mut recorded = recorded(observations, &modelled, &candidate, misfit);
+        let faults = if candidate.delay_s == 0.0 { faults } else { &faults.without_lags() };
+        let left = faults.left(observations[0].reading);
+        let (size, lag_s) = faults.size_and_lag_s(&left);
+        (recorded.fault_m, recorded.lag_s) = (size * (recorded.stroke_m[1] - recorded.stroke_m[0]), lag_s);
         let expected_pct = expected_pct(context, &found.candidate, &refits, &recorded);
 
-        let mut warnings = Vec::new();
+        let mut warnings = faults.warnings(&left);
         checks::of_sizes(settings, context.excitation, &mut warnings);
         checks::of_excitation(context.excitation, &mut warnings);
         if settings.sensor_delay_s.is_none() && candidate.delay_s != 0.0 {
@@ -342,7 +372,7 @@ fn expected_pct(context: &Context<'_>, candidate: &Candidate, refits: &[Candidat
         let squares: Vec<f64> = refits.iter().map(square).collect::<Option<_>>()?;
         (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
     };
-    let [_, largest_m] = recorded.error_m(difference());
+    let [_, largest_m] = recorded.error_m(difference(), recorded.speed_m_per_s / std::f64::consts::SQRT_2);
     100.0 * largest_m / stroke_m.max(f64::MIN_POSITIVE)
 }
 
@@ -355,6 +385,8 @@ fn recorded(observations: &[Observation], modelled: &[Vec<f64>], candidate: &Can
         time_s: 0.0,
         left_out_m: 0.0,
         misfit_m: 0.0,
+        fault_m: 0.0,
+        lag_s: 0.0,
         refits: Vec::new(),
     };
     for (observation, modelled) in observations.iter().zip(modelled) {

@@ -333,7 +333,7 @@ impl FitOptions {
                 let (mut observation, warnings) =
                     observation::observe_prepared(recording, self.drive, weight, preparation)?;
                 // A gain of the first could not be distinguished from the film's stiffness.
-                observation.reading = Reading { own_offset, own_gain: own_gain && index > 0 };
+                observation.reading = Reading { own_offset, own_gain: own_gain && index > 0, ..Reading::default() };
                 Ok((observation, warnings))
             })
             .collect()

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde::{Serialize, Serializer};
 
-use super::statistics::{change, range};
+use super::statistics::{change, noise, range};
 use crate::error::{Error, Result};
 use crate::files::recording::{Direction, Input, Recording};
 use crate::grid::{Grid, Samples};
@@ -289,6 +289,37 @@ pub(super) fn saturation(direction: Direction, input: &Input, measured: &Samples
             })
         })
         .collect()
+}
+
+/// A specimen that is slack: after its largest force it moves without one.
+pub(super) fn slack(input: &Input, measured: &Samples) -> Option<String> {
+    /// Share of the largest force that counts as zero, and of the displacement's range beyond which it moves.
+    const ZERO: f64 = 0.01;
+    const MOVES: f64 = 0.05;
+    let Input::Displacement(moved) = input else { return None };
+    let (times, forces) = (&measured.time_s, &measured.value);
+    let most = forces.iter().fold(0.0, |most: f64, force| most.max(force.abs()));
+    let zero = (ZERO * most).max(3.0 * noise(forces));
+    let first = forces.iter().position(|force| force.abs() == most)?;
+    let (low, high) = range(&moved.value);
+    let at = moved.at(times.iter().copied());
+    let rows: Vec<usize> = (first..forces.len()).collect();
+    let runs = rows.chunk_by(|&a, &b| (forces[a].abs() < zero) == (forces[b].abs() < zero));
+    let mut slack = runs.filter(|run| forces[run[0]].abs() < zero).filter(|run| {
+        let (least, most) = range(&at[run[0]..=run[run.len() - 1]]);
+        most - least > MOVES * (high - low)
+    });
+    slack.next().map(|run| {
+        let [from, to] = [run[0], run[run.len() - 1]];
+        format!(
+            "from {:.3} to {:.3} s the displacement goes from {:.3} to {:.3} mm without a force: the specimen is slack, which no model follows; fit \
+             up to there (`to_s`), or leave those cells of the force empty",
+            times[from],
+            times[to],
+            1e3 * at[from],
+            1e3 * at[to]
+        )
+    })
 }
 
 /// Name and SI unit of what is measured.

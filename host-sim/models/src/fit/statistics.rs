@@ -115,6 +115,12 @@ pub fn robust_deviation(residuals: &[f64]) -> f64 {
     1.4826 * *median
 }
 
+/// RMS noise from row to row, from fourth differences.
+pub(crate) fn noise(values: &[f64]) -> f64 {
+    let fourth: Vec<f64> = values.windows(5).map(|v| v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4]).collect();
+    robust_deviation(&fourth) / 70f64.sqrt()
+}
+
 /// Largest lag at which whiteness is tested.
 const LAGS: usize = 20;
 

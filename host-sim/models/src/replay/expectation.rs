@@ -28,8 +28,16 @@ const MAX_RATIO: f64 = 5.0;
 const GROWTH: f64 = 5.0;
 /// Share by which a reference may exceed it, which changes nothing.
 const SLACK: f64 = 0.02;
+/// Largest error over a fault's size, and over that by a lag: calibrated on films of other kinds with such faults.
+const MAX_FAULT: f64 = 3.0;
+const MAX_LAG: f64 = 1.5;
 /// Time after which the error of a reference counts, s.
 const RISE_S: f64 = 2.0;
+
+/// The sample from which it counts.
+fn rise(grid: Grid, samples: usize) -> usize {
+    ((RISE_S * grid.rate_hz) as usize).min(samples - 1)
+}
 
 /// The range of what was recorded of a film.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,9 +55,20 @@ pub struct Recorded {
     /// RMS error of the fit, without noise, m.
     #[serde(default)]
     pub misfit_m: f64,
+    /// RMS size of the recordings' faults that were not estimated, m.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub fault_m: f64,
+    /// Time by which the stroke may lag the drive by such faults, s.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub lag_s: f64,
     /// The film as it is fitted to parts of the recordings.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub refits: Vec<Refit>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // serde's signature
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// A film as it is fitted to a part of the recordings.
@@ -156,16 +175,22 @@ impl Recorded {
     ) -> Expectation {
         let largest_v = voltage_v.iter().copied().fold(0.0, f64::max);
         let (growth, beyond) = self.beyond(reference, grid, largest_v);
-        let [low, high] = self.error_m(self.difference_m(parameters, reference, grid, voltage_v));
+        let from = rise(grid, reference.len());
+        let squares = reference.windows(2).skip(from.saturating_sub(1)).map(|pair| (pair[1] - pair[0]).powi(2));
+        let speed_m_per_s = (squares.sum::<f64>() / (reference.len() - from) as f64).sqrt() * grid.rate_hz;
+        let [low, high] = self.error_m(self.difference_m(parameters, reference, grid, voltage_v), speed_m_per_s);
         let share = |error_m: f64| 100.0 * error_m / range_m.max(f64::MIN_POSITIVE);
         Expectation { feedforward_error_pct: [share(low), share(growth * high)], beyond }
     }
 
-    /// Interval of the error (m, RMS) along a path on which the fits to parts differ by `difference_m`, if they are known.
+    /// Interval of the error (m, RMS) along a path of an RMS speed on which the fits to parts differ by `difference_m`, if they are known.
     #[must_use]
-    pub fn error_m(&self, difference_m: Option<f64>) -> [f64; 2] {
+    pub fn error_m(&self, difference_m: Option<f64>, speed_m_per_s: f64) -> [f64; 2] {
         let estimated = |difference_m: f64| ENDS.map(|end| end * difference_m.hypot(MISFIT * self.misfit_m));
-        difference_m.map_or([0.0, MAX_RATIO * self.left_out_m], estimated)
+        let [low, high] = difference_m.map_or([0.0, MAX_RATIO * self.left_out_m], estimated);
+        let by_faults = MAX_FAULT * self.fault_m + MAX_LAG * self.lag_s * speed_m_per_s;
+        // The film may be found all the same.
+        if by_faults > 0.0 { [0.0, high + by_faults] } else { [low, high] }
     }
 
     /// The quantities in which `reference` (m, on `grid`), which needs `voltage_v` at the most, exceeds the recordings, and by how much the
@@ -202,7 +227,7 @@ impl Recorded {
     fn difference_m(&self, parameters: &Parameters, reference: &[f64], grid: Grid, voltage_v: Vec<f64>) -> Option<f64> {
         let input = Input::Voltage(Samples { time_s: grid.times_s(), value: voltage_v });
         let options = RunOptions { memory: MemoryChoice::Compressed, precision: Precision::F64, rate_hz: grid.rate_hz };
-        let from = ((RISE_S * grid.rate_hz) as usize).min(reference.len() - 1);
+        let from = rise(grid, reference.len());
         let square = |refit: &Refit| {
             let film = refit.parameters(parameters)?;
             let moved = simulate::response(&film, &input, grid, &options, &ProgressBar::hidden()).ok()?;

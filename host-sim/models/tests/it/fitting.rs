@@ -165,7 +165,7 @@ fn offsets_and_gains_per_recording() {
     let settings = Settings { freed: Vec::new(), ..structure(Topology::Parallel, 1) };
     let joint = fitted(&all, &Settings { freed: vec![Variable::Offset], uncertainty: false, ..settings.clone() });
     for (k, observation) in all.iter_mut().enumerate() {
-        observation.reading = Reading { own_offset: true, own_gain: k > 0 };
+        observation.reading = Reading { own_offset: true, own_gain: k > 0, ..Reading::default() };
     }
     let fit = fitted(&all, &settings);
     println!("joint R² {:.6}, per recording {:.8}: {:?}", joint.r2_mean, fit.r2_mean, fit.readings);
@@ -454,6 +454,10 @@ fn measured_vhb_4910() {
     let (early, late) = (excess_n(0.15), excess_n(0.85));
     println!("model minus measured: {early:.3} N at 15 % of the way out, {late:.3} N at 85 %");
     assert!(early < -0.1 && late > 0.05);
+    let settings = Settings { actuator, curve: CurveChoice::Auto, uncertainty: false, ..Settings::default() };
+    let fit = fitted(&[observation], &settings);
+    println!("with a curve, as selected: R² {:.6}", fit.r2_mean);
+    assert!(fit.r2_mean >= 0.9995, "{}", fit.r2_mean);
 }
 
 /// Recordings of one amplitude whose last cycle is not complete: no curve is selected for an error that is a few percent smaller.

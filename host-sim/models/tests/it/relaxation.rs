@@ -9,9 +9,14 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use host_io::files::recording::{Direction, Recording};
+use host_models::excitation::check;
 use host_models::fit::observation;
+use host_models::fit::options::FitOptions;
 use host_models::fit::preparation::Preparation;
 use host_models::fit::{self, Fit, Settings, Warning};
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+use rand_pcg::Pcg64;
 use springpot::{Actuator, Topology};
 
 /// The displacement that is held, m.
@@ -63,6 +68,72 @@ fn springpot_ramp_n(t: f64) -> f64 {
 /// Force of spring and springpot in series `t` seconds after the step, N.
 fn series_n(t: f64) -> f64 {
     if t >= 0.0 { SPRING * HELD_M * mittag_leffler(ORDER, (t / TAU_S).powf(ORDER)) } else { 0.0 }
+}
+
+/// Force (N, unit stiffness) of a spring and exponentials beside it whose weights fall as those of a springpot, under a displacement that rises to 1 in `ramp_s`
+/// and is held.
+fn ramp_and_hold_n(t: f64, ramp_s: f64) -> f64 {
+    let of = |tau_s: f64| {
+        let risen = t.min(ramp_s);
+        tau_s / ramp_s * (1.0 - (-risen / tau_s).exp()) * (-(t - risen) / tau_s).exp()
+    };
+    let modes = (-8..10).map(|k| 2.5f64.powi(k));
+    0.6 * (t / ramp_s).min(1.0) + modes.map(|tau_s| 0.12 * tau_s.powf(-0.15) * of(tau_s)).sum::<f64>()
+}
+
+/// A relaxation with its loading ramp, of which a springpot alone follows the hold: the structure is chosen that follows both, to the noise.
+#[test]
+fn a_relaxation_is_fitted_with_its_ramp() {
+    for (ramp_s, seed) in [(0.5, 1), (0.05, 2)] {
+        let mut random = Pcg64::seed_from_u64(seed);
+        let noise = Normal::new(0.0, 0.15).expect("valid");
+        let mut csv = "time_s,displacement_m,force_n\n".to_owned();
+        for k in 0..1200 {
+            let t = 0.1 * f64::from(k);
+            let from_start = (t - 1.0).max(0.0);
+            let x = HELD_M * (from_start / ramp_s).min(1.0);
+            let force = 100.0 * ramp_and_hold_n(from_start, ramp_s) + noise.sample(&mut random);
+            writeln!(csv, "{t:?},{x:?},{force:?}").expect("written");
+        }
+        let recording = Recording::from_csv(Path::new("relaxation.csv"), csv.as_bytes()).expect("readable");
+        // Held for two minutes, and so `check` says.
+        let report = check::check(std::slice::from_ref(&recording));
+        let texts: Vec<&str> = report.findings.iter().map(|finding| finding.finding.as_str()).collect();
+        println!("{texts:?}");
+        assert!(report.recordings[0].driven_by == "displacement" && report.recordings[0].drive.hold_s > 110.0);
+        assert!(report.identifies && texts.iter().any(|text| text.contains(" and no cycle: relaxation at")));
+        let options = FitOptions { drive: Direction::Displacement, ..FitOptions::default() };
+        let settings = options.settings(None, None).expect("settings");
+        let (observation, _) = options.observations(&[&recording]).expect("rows").swap_remove(0);
+        let fit = fit::fit(&[observation], &settings, &AtomicBool::new(false), &|_| ()).expect("a fit");
+        let rmse = fit.agreements[0].rmse;
+        println!("{ramp_s} s: R² {:.6}, {rmse} N, {:?}", fit.r2_mean, fit.structures);
+        // Of a ramp between two rows the rows do not show the end.
+        assert!(rmse < if ramp_s > 0.1 { 1.1 } else { 1.5 } * 0.15, "{rmse} N of noise 0.15");
+    }
+}
+
+/// A specimen that is unloaded beyond its length at rest is slack, and is called so; one that is held at rest is not.
+#[test]
+fn a_slack_specimen_is_named() {
+    let warnings = |back_to: f64, force_n: &dyn Fn(f64) -> f64| {
+        let mut csv = "time_s,displacement_m,force_n\n".to_owned();
+        for k in 0..=600 {
+            let t = 0.1 * f64::from(k);
+            let x = HELD_M * if t < 30.0 { t / 30.0 } else { 1.0 - (1.0 - back_to) * (t - 30.0) / 30.0 };
+            writeln!(csv, "{t:?},{x:?},{:?}", force_n(x / HELD_M) * if t < 30.0 { 1.0 } else { 0.9 }).expect("written");
+        }
+        let recording = Recording::from_csv(Path::new("test.csv"), csv.as_bytes()).expect("readable");
+        let observed = observation::observe(&recording, Direction::Displacement, 1.0).expect("rows");
+        observed.1.into_iter().map(|warning| warning.text).filter(|text| text.contains("slack")).collect::<Vec<_>>()
+    };
+    // Of 12.6 N 1 % is at 3.078 mm.
+    let slack = warnings(0.0, &|x| 20.0 * (x - 0.3).max(0.0));
+    assert!(slack.len() == 1 && slack[0].starts_with("test.csv: from 50.800 to 60.000 s"), "{slack:?}");
+    assert!(slack[0].contains("from 3.067 to 0.000 mm"), "{slack:?}");
+    // A rubber's force falls to zero at once, and a specimen that is held back is not slack.
+    assert!(warnings(0.0, &|x| 20.0 * x).is_empty());
+    assert!(warnings(0.4, &|x| 20.0 * (x - 0.3).max(0.0)).is_empty());
 }
 
 /// One springpot, or one branch beside a springpot, fitted to rows of time (s), displacement (m) and force (N), with the

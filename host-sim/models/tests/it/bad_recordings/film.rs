@@ -37,6 +37,15 @@ impl Film {
         Self { branches, cubic, coupling: random.random_range(0.0..0.15), beside: random.random_bool(0.4) }
     }
 
+    /// One springpot of order `alpha`, whose stroke after 100 s is about 1.
+    pub(super) fn springpot(alpha: f64) -> Self {
+        let (ratio, shortest_s): (f64, f64) = (2.5, 2.5f64.powi(-6));
+        // Times below the shortest are the elastic part, 1, which is their sum.
+        let share = (ratio.powf(alpha) - 1.0) / shortest_s.powf(alpha);
+        let branches = (-6..=9).map(|k| ratio.powi(k)).map(|tau_s| (share * tau_s.powf(alpha), tau_s)).collect();
+        Self { branches, cubic: 0.0, coupling: 0.0, beside: false }
+    }
+
     /// The stroke under a voltage, a value for each step.
     pub(super) fn stroke(&self, volts: &[f64], driven_before: bool) -> Vec<f64> {
         let mut states = vec![0.0; self.branches.len()];

@@ -2,11 +2,16 @@
 
 use rayon::prelude::*;
 
-use super::{Cause, Change, Fault, SIZE, State};
+use super::{Cause, Change, Effect, Fault, SIZE, State};
 
-/// Voltages with one parameter: its grid, the voltage on the film, the finding, and the advice.
-type Family<'a> =
-    (&'a [f64], &'a (dyn Fn(f64, &[f64], &[f64]) -> Vec<f64> + Sync), &'a (dyn Fn(f64) -> String + Sync), &'static str);
+/// Voltages with one parameter: its grid, the voltage on the film, the finding, the advice, and the effect.
+type Family<'a> = (
+    &'a [f64],
+    &'a (dyn Fn(f64, &[f64], &[f64]) -> Vec<f64> + Sync),
+    &'a (dyn Fn(f64) -> String + Sync),
+    &'static str,
+    fn(f64) -> Effect,
+);
 
 const ZERO: &str = "check the zero of the monitor and the amplifier's smallest voltage";
 /// Largest share of the squares of a plain film without a dead band, and of any film, that one with a dead band may leave.
@@ -34,13 +39,20 @@ impl State {
         let sizes = || self.drives.iter().flatten().map(|volts| volts.abs()).filter(|volts| *volts > 0.01);
         let is_crossed = sizes().filter(|volts| *volts < share).count() as f64 > CROSSED * sizes().count() as f64;
         let is_better = with < PLAINER * without && with < AS_GOOD * self.basis.square() && size > SIZE;
-        (is_better && is_crossed).then(|| Fault { file: None, finding: dead_band(share), advice: ZERO, size })
+        (is_better && is_crossed).then(|| Fault {
+            file: None,
+            finding: dead_band(share),
+            advice: ZERO,
+            size,
+            effect: Effect::Other,
+        })
     }
 
     /// Voltages on the film that are not the recorded ones.
     pub(super) fn of_voltage(&self) -> Vec<Cause> {
         const MONITOR: &str = "record the amplifier's monitor, not the command";
         const CLOCK: &str = "record both with one clock and without filters";
+        const OTHER: fn(f64) -> Effect = |_| Effect::Other;
         let courses = &self.blocks.courses;
         if !courses.iter().all(|course| course.is_voltage) {
             return Vec::new();
@@ -62,6 +74,7 @@ impl State {
                     )
                 },
                 CLOCK,
+                |lag_s| Effect::Lag(-lag_s),
             ),
             (
                 &[0.05, 0.1, 0.2, 0.4, 0.8],
@@ -73,6 +86,7 @@ impl State {
                     )
                 },
                 MONITOR,
+                Effect::Lag,
             ),
             (
                 &[0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2],
@@ -84,6 +98,7 @@ impl State {
                     )
                 },
                 MONITOR,
+                Effect::Lag,
             ),
             (
                 &[-0.05, -0.1, -0.2, -0.4, -0.8],
@@ -95,6 +110,7 @@ impl State {
                     )
                 },
                 CLOCK,
+                Effect::Lag,
             ),
             (
                 &[0.9, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02],
@@ -106,6 +122,7 @@ impl State {
                     )
                 },
                 MONITOR,
+                OTHER,
             ),
             (
                 &[0.95, 0.85, 0.75, 0.65, 0.55, 0.4],
@@ -117,8 +134,9 @@ impl State {
                     )
                 },
                 MONITOR,
+                OTHER,
             ),
-            (&[0.03, 0.1, 0.2, 0.3, 0.4], &|share, _, volts| beyond(share, volts), &dead_band, ZERO),
+            (&[0.03, 0.1, 0.2, 0.3, 0.4], &|share, _, volts| beyond(share, volts), &dead_band, ZERO, OTHER),
             (
                 &[-0.2, -0.1, -0.04, 0.04, 0.1, 0.2],
                 &|share, _, volts| volts.iter().map(|v| v + share).collect(),
@@ -129,6 +147,7 @@ impl State {
                     )
                 },
                 ZERO,
+                OTHER,
             ),
             (
                 &[0.05, 0.1, 0.2, 0.4, 0.8],
@@ -140,6 +159,7 @@ impl State {
                     )
                 },
                 "`sensor_delay_s` states a known delay; record both with one clock and without filters",
+                Effect::Lag,
             ),
             (
                 &[0.0],
@@ -149,21 +169,24 @@ impl State {
                         .into()
                 },
                 "use a larger range of the monitor",
+                OTHER,
             ),
             (
                 &[0.005],
                 &smoothed,
                 &|_| "the voltage is recorded in steps that the film does not follow".into(),
                 "record the voltage as finely as the stroke",
+                OTHER,
             ),
             (
                 &[0.0],
                 &|_, _, volts| volts.iter().map(|v| if has_both { v.max(0.0) } else { *v }).collect(),
                 &|_| "the film follows one polarity only: an amplifier of one polarity".into(),
                 MONITOR,
+                OTHER,
             ),
         ];
-        let best = |(grid, drive, finding, advice): &Family<'_>| {
+        let best = |(grid, drive, finding, advice, effect): &Family<'_>| {
             let change = |p: f64| {
                 let drives = courses.iter().zip(&self.drives).map(|(course, volts)| drive(p, &course.time_s, volts));
                 Change::Drives(drives.collect())
@@ -178,7 +201,7 @@ impl State {
                     p = least(&[p * (1.0 - reach), p, p * (1.0 + reach)])?;
                 }
             }
-            Some(Cause { finding: finding(p), advice, recording: None, change: change(p) })
+            Some(Cause { finding: finding(p), advice, recording: None, change: change(p), effect: effect(p) })
         };
         families.par_iter().filter_map(best).collect()
     }

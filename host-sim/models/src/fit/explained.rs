@@ -4,8 +4,9 @@
 //! recording, and of powers of that sum. Films of any law come out within a fraction of a per cent of their stroke, without a search; what a
 //! fault adds to the readings does not.
 
+use super::observation::Observation;
+use super::statistics::{median, percentile_range, range, robust_deviation};
 use crate::files::recording::{Input, Recording};
-use crate::fit::statistics::{median, percentile_range, range, robust_deviation};
 
 /// Ratio of neighbouring filter times.
 const RATIO: f64 = 3.0;
@@ -16,7 +17,7 @@ const NEW: f64 = 1e-5;
 
 /// A recording with a load and readings.
 #[derive(Clone)]
-pub(super) struct Course {
+pub(crate) struct Course {
     pub(super) file: String,
     pub(super) time_s: Vec<f64>,
     /// Voltage or force, as a share of the largest of all recordings.
@@ -114,7 +115,7 @@ fn subtract(values: &mut [f64], unit: &[f64]) {
 
 impl Course {
     /// The course of `recording`; none where it has no drive or no readings.
-    pub(super) fn new(recording: &Recording, file: String) -> Option<Self> {
+    pub(crate) fn new(recording: &Recording, file: String) -> Option<Self> {
         let drive = recording.drive().ok()?;
         let is_voltage = matches!(drive, Input::Voltage(_));
         let reading = recording.columns().into_iter().find(|(name, _)| *name == "displacement_m")?.1;
@@ -131,6 +132,27 @@ impl Course {
         course.leave_out_ends();
         course.leave_out_outliers();
         Some(course)
+    }
+
+    /// The course of `observation` in every so many of its rows; none where a displacement drives it.
+    pub(super) fn from_observation(observation: &Observation, every: usize) -> Option<Self> {
+        let Observation { name, input, measured, sample_weights, .. } = observation;
+        let is_voltage = matches!(input, Input::Voltage(_));
+        let some = |values: &[f64]| values.iter().copied().step_by(every).collect::<Vec<f64>>();
+        let (time_s, drive) = (some(&input.samples().time_s), some(&input.samples().value));
+        let mut reading = vec![f64::NAN; time_s.len()];
+        for (k, (t, value)) in measured.time_s.iter().zip(&measured.value).enumerate() {
+            let weighs = sample_weights.get(k).is_none_or(|weight| *weight > 0.0);
+            if let Ok(row) = time_s.binary_search_by(|time| time.total_cmp(t))
+                && weighs
+            {
+                reading[row] = *value;
+            }
+        }
+        let mut course = Self { file: name.clone(), time_s, drive, is_voltage, reading };
+        course.leave_out_ends();
+        course.leave_out_outliers();
+        (!matches!(input, Input::Displacement(_))).then_some(course)
     }
 
     /// Empties readings that stay at the largest or the smallest one under a load: they have a line of their own.

@@ -5,7 +5,9 @@ use std::f64::consts::TAU;
 use rayon::prelude::*;
 
 use super::super::explained::Basis;
-use super::{Cause, Change, State};
+use super::super::observation::SETTLES;
+use super::super::statistics::range;
+use super::{Cause, Change, Effect, State};
 
 /// Columns that begin in a recording at a time, s.
 type From<'a> = dyn Fn(usize, f64) -> Vec<Vec<f64>> + Sync + 'a;
@@ -44,24 +46,27 @@ impl State {
         let mut causes = Vec::new();
         if self.blocks.courses.len() > 1 {
             let offsets = self.each(|_, _, _| 1.0);
-            causes.push(Cause::of_all(
+            let cause = Cause::of_all(
                 "the zero of the sensor differs between the recordings",
                 "fit with `offset` per-recording",
                 offsets,
-            ));
+            );
+            causes.push(Cause { effect: Effect::Offset, ..cause });
         }
         let warm = |share: f64| self.each(move |_, t, last_s| (-t / (share * last_s)).exp());
-        let recovers = [0.01, 0.03, 0.1, 0.3].into_iter().flat_map(warm).collect();
-        causes.push(Cause::of_all(
+        let recovers = SETTLES.into_iter().flat_map(warm).collect();
+        let cause = Cause::of_all(
             "the stroke settles from the first row on without a cause in the drive: the film was driven before, or the sensor warms up",
             "rest for ten minutes before recording, with the sensor switched on; or fit from where it has settled (`from_s`)",
             recovers,
-        ));
-        causes.push(Cause::of_all(
+        );
+        causes.push(Cause { effect: Effect::Settling, ..cause });
+        let cause = Cause::of_all(
             "the zero of the sensor drifts",
             "let it warm up, keep the temperature, or record shorter",
             self.each(|_, t, _| t),
-        ));
+        );
+        causes.push(Cause { effect: Effect::Drift, ..cause });
         let wave = |n: f64| self.each(move |_, t, last_s| (n * std::f64::consts::PI * t / last_s).cos());
         causes.push(Cause::of_all(
             WANDERS,
@@ -115,7 +120,7 @@ impl State {
     /// Changes of what the film answers.
     pub(super) fn of_film(&self) -> Vec<Cause> {
         let film = self.blocks.modelled(&self.basis);
-        let (low, high) = crate::fit::statistics::range(&film);
+        let (low, high) = range(&film);
         let mut causes = Vec::new();
         if self.blocks.courses.len() > 1 {
             let mut columns = self.each(|k, _, _| film[k]);
@@ -289,7 +294,8 @@ impl State {
                 let least = &mut least[recording.unwrap_or(count)];
                 if square < *least {
                     *least = least.min(BEYOND_JUMP * square);
-                    causes.push(Cause { finding, advice, recording, change: Change::Columns(columns) });
+                    let change = Change::Columns(columns);
+                    causes.push(Cause { finding, advice, recording, change, effect: Effect::Other });
                 }
             }
         }
@@ -329,6 +335,7 @@ impl State {
             advice: "a sensor without its target, an arc, or rows from elsewhere: empty the readings there",
             recording: Some(j),
             change: Change::Without(rows),
+            effect: Effect::Other,
         })
     }
 }

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::super::explained::Course;
-use super::super::rows::noise;
-use super::{Change, Fault, SIZE, State};
+use super::super::statistics::{noise, range};
+use super::{Change, Effect, Fault, SIZE, State};
 
 /// Change of the load, as a share of the largest, that moves any film; at the ends of the readings, where a sensor may be at the end of its
 /// range and an amplifier too, a change that moves it away from there.
@@ -54,7 +54,7 @@ impl State {
             );
             let advice = "a stuck sensor, one without its target, or a film that no longer follows: empty the readings there (import `blank`), \
                           or end the recording before (`to_s`)";
-            faults.push(Fault { file: Some(course.file.clone()), finding, advice, size });
+            faults.push(Fault { file: Some(course.file.clone()), finding, advice, size, effect: Effect::Other });
             *self = state;
         }
         faults
@@ -70,7 +70,7 @@ fn stays(course: &Course, drive: &[f64], stroke_m: f64) -> Vec<Range<usize>> {
     if limit > MAX_LIMIT * stroke_m {
         return Vec::new();
     }
-    let (low, high) = crate::fit::statistics::range(&readings);
+    let (low, high) = range(&readings);
     let (mut reading, mut load) = (Window::default(), Window::default());
     let mut parts: Vec<Range<usize>> = Vec::new();
     let mut from = 0;

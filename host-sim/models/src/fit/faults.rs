@@ -2,6 +2,7 @@
 //!
 //! Each cause is a change of the [film](super::explained) along the recordings: columns that are added to it, another voltage, or rows that are
 //! left out. A cause is reported if with it less than 70 % of the unexplained squares are left; the best first, then what is left is asked again.
+//! A fit estimates zeros that differ, drift or settle; for the other faults it widens the interval of the error to expect.
 
 mod causes;
 mod stuck;
@@ -10,7 +11,16 @@ mod voltage;
 use std::f64::consts::TAU;
 
 use super::explained::{Basis, Blocks, Course};
+use super::observation::{self, Observation, Reading};
+use super::preparation::{Severity, Warning};
+use super::statistics::peaks;
 
+/// A fault of this size, as a share of the stroke, is of no film.
+pub(crate) const SERIOUS: f64 = 0.1;
+/// Rows of all recordings of which each is compared.
+const MAX_ROWS: usize = 1 << 16;
+/// Share of a fault that may be left where it is estimated.
+const ESTIMATED: f64 = 0.1;
 /// Share of the unexplained squares that a cause leaves.
 const WORTH: f64 = 0.7;
 /// Smallest RMS part of the readings that is worth a cause, as a share of the stroke.
@@ -44,13 +54,29 @@ const SLOW: f64 = 0.3;
 
 /// A cause of what no film explains.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Fault {
+pub(crate) struct Fault {
     /// The recording; none where it is about all of them.
-    pub(super) file: Option<String>,
-    pub(super) finding: String,
-    pub(super) advice: &'static str,
+    pub(crate) file: Option<String>,
+    pub(crate) finding: String,
+    pub(crate) advice: &'static str,
     /// RMS size as a share of the stroke.
-    pub(super) size: f64,
+    pub(crate) size: f64,
+    pub(super) effect: Effect,
+}
+
+/// The effect of a fault on a fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Effect {
+    /// Each recording has a zero of its own.
+    Offset,
+    /// It drifts.
+    Drift,
+    /// The reading settles from the first row on.
+    Settling,
+    /// The stroke lags the drive by so much, s.
+    Lag(f64),
+    /// Another one, as large as the fault.
+    Other,
 }
 
 /// A possible cause.
@@ -59,16 +85,16 @@ struct Cause {
     advice: &'static str,
     recording: Option<usize>,
     change: Change,
+    effect: Effect,
 }
 
 impl Cause {
     /// Columns that are added to all recordings.
     fn of_all(finding: &str, advice: &'static str, columns: Vec<Vec<f64>>) -> Self {
-        Self { finding: finding.into(), advice, recording: None, change: Change::Columns(columns) }
+        let change = Change::Columns(columns);
+        Self { finding: finding.into(), advice, recording: None, change, effect: Effect::Other }
     }
-}
 
-impl Cause {
     /// Number of values that are chosen so that little is left.
     fn columns(&self) -> usize {
         if let Change::Columns(columns) = &self.change { columns.len() } else { 2 }
@@ -94,8 +120,81 @@ struct State {
     is_shifted: bool,
 }
 
+/// The faults of the recordings of a fit.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Found(Vec<Fault>);
+
+impl Found {
+    /// The faults of `observations`.
+    pub(super) fn new(observations: &[Observation]) -> Self {
+        let cycles = |observation: &Observation| {
+            let drive = observation.input.samples();
+            peaks(&drive.value).len() as f64 / drive.time_s.last().copied().unwrap_or(f64::INFINITY)
+        };
+        let fastest_hz = observations.iter().map(cycles).fold(0.0, f64::max);
+        // Of long recordings the rows that follow their drives.
+        let is_long = observations.iter().map(|o| o.measured.value.len()).sum::<usize>() > MAX_ROWS;
+        let course = |observation: &Observation| {
+            let thinner = observation.rate_hz / observation::thinned(observation).rate_hz;
+            Course::from_observation(observation, if is_long { thinner.round() as usize } else { 1 })
+        };
+        let mut faults = faults(observations.iter().filter_map(course).collect(), fastest_hz);
+        faults.retain(|fault| fault.effect != Effect::Offset || !observations.iter().all(|o| o.reading.own_offset));
+        Self(faults)
+    }
+
+    /// The zeros that recordings have for themselves by these faults.
+    pub(super) fn reading(&self) -> Reading {
+        let has = |effect: Effect| self.0.iter().any(|fault| fault.effect == effect);
+        let [own_offset, drifts, settles] = [Effect::Offset, Effect::Drift, Effect::Settling].map(has);
+        Reading { own_offset, drifts, settles, own_gain: false }
+    }
+
+    /// Without lags, which a sensor's delay explains.
+    pub(super) fn without_lags(&self) -> Self {
+        Self(self.0.iter().filter(|fault| !matches!(fault.effect, Effect::Lag(_))).cloned().collect())
+    }
+
+    /// Without those that a fit with `estimated` zeros has estimated.
+    pub(super) fn left(&self, estimated: Reading) -> Self {
+        let is_left = |fault: &&Fault| match fault.effect {
+            Effect::Offset => !estimated.own_offset,
+            Effect::Drift => !estimated.drifts,
+            Effect::Settling => !estimated.settles,
+            Effect::Lag(_) | Effect::Other => true,
+        };
+        Self(self.0.iter().filter(is_left).cloned().collect())
+    }
+
+    /// RMS size of all but lags as a share of the stroke, of which those that are not `left` are estimated, and the sum of the lags, s.
+    pub(super) fn size_and_lag_s(&self, left: &Self) -> (f64, f64) {
+        self.0.iter().fold((0.0, 0.0), |(size, lag_s), fault| {
+            let share = if left.0.contains(fault) { 1.0 } else { ESTIMATED };
+            match fault.effect {
+                Effect::Lag(lag) => (size, lag_s + lag.abs()),
+                _ => ((share * fault.size).hypot(size), lag_s),
+            }
+        })
+    }
+
+    /// Warnings about all, of which `left` are not estimated.
+    pub(super) fn warnings(&self, left: &Self) -> Vec<Warning> {
+        let warning = |fault: &Fault| {
+            let file = fault.file.as_ref().map_or_else(String::new, |file| format!("{file}: "));
+            let Fault { finding, advice, size, .. } = fault;
+            if !left.0.contains(fault) {
+                return Severity::Caution
+                    .warning(format!("{file}{finding}: it is estimated with the film; or {advice}"));
+            }
+            let severity = if *size > SERIOUS { Severity::Serious } else { Severity::Caution };
+            severity.warning(format!("{file}{finding}: {advice}"))
+        };
+        self.0.iter().map(warning).collect()
+    }
+}
+
 /// The causes of what no film explains in `courses`, largest first.
-pub(super) fn faults(courses: Vec<Course>, fastest_hz: f64) -> Vec<Fault> {
+pub(crate) fn faults(courses: Vec<Course>, fastest_hz: f64) -> Vec<Fault> {
     let Some(blocks) = Blocks::new(courses) else { return Vec::new() };
     let drives: Vec<Vec<f64>> = blocks.courses.iter().map(|course| course.drive.clone()).collect();
     let mut state = State { basis: blocks.film(&drives), blocks, drives, added: Vec::new(), is_shifted: false };
@@ -124,6 +223,7 @@ pub(super) fn faults(courses: Vec<Course>, fastest_hz: f64) -> Vec<Fault> {
             finding: format!("no film explains {:.1} % of the stroke (RMS) by the drive", 100.0 * left),
             advice: "look at the readings beside the drive: something else moves the film or the sensor",
             size: left,
+            effect: Effect::Other,
         });
     }
     faults
@@ -201,7 +301,7 @@ impl State {
         *self = self.with(&cause.change);
         let finding = format!("{} ({:.2} % of the stroke RMS)", cause.finding, 100.0 * size);
         let file = cause.recording.map(|j| self.blocks.courses[j].file.clone());
-        Some(Fault { file, finding, advice: cause.advice, size })
+        Some(Fault { file, finding, advice: cause.advice, size, effect: cause.effect })
     }
 
     /// The cause that leaves least of the squares `before`, and what it leaves; or a plain one that leaves about as little.
@@ -255,7 +355,8 @@ impl State {
                 format!("the drive lags the stroke by about {ms:.0} ms: a slow monitor, or clocks that differ");
             (finding, "record both with one clock and without filters; `sensor_delay_s` states a known difference")
         };
-        Some(Fault { file: None, finding, advice, size: TAU * fastest_hz * lag_s.abs() / 3.0 })
+        let (size, effect) = (TAU * fastest_hz * lag_s.abs() / 3.0, Effect::Lag(lag_s));
+        Some(Fault { file: None, finding, advice, size, effect })
     }
 
     /// Readings of which the drive explains less than half.
@@ -272,6 +373,7 @@ impl State {
             ),
             advice: "check that drive and stroke are of the same run and film, and in the same rows",
             size: self.rms(self.basis.square()),
+            effect: Effect::Other,
         })
     }
 
@@ -284,6 +386,7 @@ impl State {
             advice: "sort the rows by time",
             recording: None,
             change,
+            effect: Effect::Other,
         })
     }
 
