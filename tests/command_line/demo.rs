@@ -47,6 +47,11 @@ fn simulated_recordings_are_fitted_replayed_and_followed() {
     let [none, feedforward, tracking] = errors[..] else { panic!("{report}") };
     assert!(none > 10.0 && feedforward < 1.0 && tracking < 0.25, "{errors:?}");
 
+    // The page begins with it.
+    let verdict = report["verdict"].as_str().expect("a sentence");
+    assert!(verdict.contains(&format!("{none:.1} % without compensation")), "{verdict}");
+    assert!(page.find(verdict).expect("in the page") < page.find("<h2").expect("a part"));
+
     // The voltage leads the model along the reference.
     let [reference, reached] =
         ["reference.csv", "voltage.csv"].map(|name| bench.column(&format!("new/demo/{name}"), "displacement_m"));

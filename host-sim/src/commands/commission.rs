@@ -121,7 +121,7 @@ struct Record<'a> {
     /// Its kind.
     record: &'static str,
     made: Origin,
-    /// What the operator stated; nothing checks it.
+    /// Statements of the operator; nothing checks them.
     entries: BTreeMap<&'a str, &'a str>,
     #[serde(flatten)]
     report: &'a Report,

@@ -30,6 +30,7 @@ use crate::replay::feasibility::{self, Feasibility};
 use crate::replay::feedforward;
 use crate::replay::limits::command_limits;
 use crate::replay::memory::{Precision, RunOptions};
+use crate::report::fit_page::FitPage;
 use crate::report::numbers::{Document, Numbers};
 use crate::report::page::Section;
 use crate::simulation::closed_loop::{self, BenchModel, LoopRun, TrackingQuality};
@@ -70,6 +71,8 @@ const BANDWIDTH_HZ: f32 = 0.6;
 #[derive(Serialize)]
 struct Report<'a> {
     simulated: bool,
+    /// How the simulated film follows, in a sentence.
+    verdict: Option<String>,
     fit: &'a FitReport,
     #[serde(flatten)]
     replay: replay::Report,
@@ -122,6 +125,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let mut followed = None;
     let mut report = Report {
         simulated,
+        verdict: None,
         fit: &done.report,
         replay,
         reference: None,
@@ -137,6 +141,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             let runs = if simulated { closed_loops(&parameters, &sine, limits, stop)? } else { Vec::new() };
             report.closed_loop =
                 runs.iter().map(|(controller, run)| LoopRow { controller, quality: run.quality() }).collect();
+            report.verdict = verdict(&report.closed_loop);
             report.reference = Some(sine.row());
             followed = Some((sine, runs));
         }
@@ -156,6 +161,18 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     // The page shows them all. Of a user's own film they matter at once.
     terminal::warnings(json, report.fit.warnings.iter().filter(|_| !report.simulated));
     terminal::report(json, &report, || table::text(&report))
+}
+
+/// How a film follows with each of the [`CONTROLLERS`], in a sentence.
+fn verdict(rows: &[LoopRow]) -> Option<String> {
+    let [none, feedforward, tracking] = rows else { return None };
+    let rms = |row: &LoopRow| row.quality.tracking_rms_pct.unwrap_or(f64::NAN);
+    Some(format!(
+        "follows within {:.2} % RMS, {:.2} % without the sensor, {:.1} % without compensation",
+        rms(tracking),
+        rms(feedforward),
+        rms(none)
+    ))
 }
 
 /// The files of a demo.
@@ -257,7 +274,8 @@ fn stage_page(path: &Path, done: &Done, report: &Report<'_>, followed: Option<&F
     }
     let title =
         if report.simulated { "Demo on simulated recordings of a nonlinear film" } else { "Demo on recordings" };
-    let html = done.page(report.fit).html(title, &document, "/fit", more);
+    let verdict = report.verdict.as_deref();
+    let html = FitPage { verdict, ..done.page(report.fit) }.html(title, &document, "/fit", more);
     Staged::new(path, |file| file.write_all(html.as_bytes()))
 }
 

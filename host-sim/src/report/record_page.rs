@@ -43,7 +43,7 @@ pub fn html(report: &Report, entries: &BTreeMap<&str, &str>, made: &Origin, docu
             table("Checks", &["check", "found", "wanted", ""], &rows),
         ));
     }
-    sections.push(Section::new("origin", "Where this comes from", of(report, entries, made)));
+    sections.push(Section::new("origin", "Where this comes from", made_of(report, entries, made)));
     Page { title: "Record of commissioning", lead, sections, document: Some(document) }.html()
 }
 
@@ -69,7 +69,7 @@ fn picture(report: &Report) -> Markup {
         );
     }
     html! {
-        @if panels.is_empty() { p { "There is none: the film was not driven as far as that." } }
+        @if panels.is_empty() { p { "The film was not driven as far as that." } }
         (chart::figure(&Figure::new("Commissioning", panels)))
     }
 }
@@ -137,7 +137,7 @@ fn ramp(numbers: &Numbers<'_>) -> Markup {
     }
 }
 
-fn of(report: &Report, entries: &BTreeMap<&str, &str>, made: &Origin) -> Markup {
+fn made_of(report: &Report, entries: &BTreeMap<&str, &str>, made: &Origin) -> Markup {
     let mut rows = origin::rows([&made.date, &made.tool, &made.command]).to_vec();
     let mut add = |name: &str, value: &str| rows.push(Row::new(vec![text(name), html! { code { (value) } }]));
     add("bench", &report.bench);

@@ -1,4 +1,4 @@
-//! What commissioning needs of a bench, whichever it is.
+//! Benches on which a film is commissioned.
 
 use serde::Serialize;
 
@@ -9,7 +9,7 @@ pub use dea_driver::Mode;
 /// Rows of a run per second.
 pub const ROWS_HZ: f64 = 100.0;
 
-/// What a bench measures at one time.
+/// Readings of a bench at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     /// Time by the bench's clock, which goes on between runs, s.
@@ -31,9 +31,9 @@ pub struct Row {
 pub struct Check {
     /// The part.
     pub what: String,
-    /// What was found.
+    /// The finding.
     pub found: String,
-    /// What is expected.
+    /// The expected value.
     pub wanted: String,
     /// Whether it is.
     pub passed: bool,
@@ -48,7 +48,7 @@ pub trait Bench {
     fn name(&self) -> String;
     /// Firmware of its controller.
     fn firmware(&self) -> String;
-    /// What the bench finds of itself at a voltage too low to move a film.
+    /// Runs the self-test of the bench, at a voltage too low to move a film.
     ///
     /// # Errors
     ///

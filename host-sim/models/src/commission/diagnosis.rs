@@ -1,4 +1,4 @@
-//! What is wrong with a bench: the cause, what was measured, and what to do.
+//! Faults of a bench: the cause, what was measured, and what to do.
 
 use host_io::choice;
 use host_io::choice::Choice;
@@ -61,9 +61,9 @@ pub struct Finding {
     /// The cause.
     #[serde(serialize_with = "by_name")]
     pub cause: Cause,
-    /// What was measured.
+    /// The measurement that shows it.
     pub measured: String,
-    /// What to do.
+    /// The remedy.
     pub advice: &'static str,
 }
 
@@ -254,7 +254,7 @@ fn of_voltage(steps: &[Vec<&Row>], of: &[ramp::Step]) -> Vec<Finding> {
     if first.1 - last.1 > 0.5 * SCALE {
         // A range ends at once, a leak grows.
         let before = ratios.iter().rev().nth(1).map_or(first.1, |ratio| ratio.1);
-        let ends = ratios.len() > 2 && first.1 - before < 0.3 * (first.1 - last.1);
+        let ends = ratios.len() > 2 && first.1 - before < 0.15 * (first.1 - last.1);
         findings.push(Finding::new(if ends { Cause::Saturation } else { Cause::Leak }, measured));
     } else if (last.1 - 1.0).abs() > SCALE {
         findings.push(Finding::new(Cause::MonitorGain, measured));
@@ -311,7 +311,7 @@ fn ringing(steps: &[Vec<&Row>], report: &ramp::Report, band_hz: f64) -> Option<F
     (share > SWING && hz < MARGIN * band_hz).then(|| Finding::new(Cause::Resonance, measured))
 }
 
-/// What `check` finds in `recording`: the faults, without remarks on the excitation.
+/// Faults that `check` finds in `recording`, without its remarks on the excitation.
 pub fn of_recording(recording: Recording) -> Vec<Finding> {
     let report = check::check(&[recording]);
     let of_excitation =

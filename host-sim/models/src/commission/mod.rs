@@ -38,7 +38,7 @@ choice! {
     /// A step of commissioning.
     #[derive(PartialOrd, Ord)]
     pub enum Step {
-        /// What the bench finds of itself, and the gauge.
+        /// The self-test of the bench, and the gauge.
         SelfTest = "self-test",
         /// A ramp in small steps, each predicted before it is taken.
         Ramp = "ramp",
@@ -53,7 +53,7 @@ choice! {
     }
 }
 
-/// What is to be done.
+/// The work to do.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// The film.
@@ -120,7 +120,7 @@ pub struct Verdict {
     pub passed: bool,
     /// In one sentence.
     pub sentence: String,
-    /// What to do next.
+    /// The next thing to do.
     pub next: String,
 }
 
@@ -133,7 +133,7 @@ pub struct Creep {
     pub with_pct: f64,
 }
 
-/// What was found.
+/// The result.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// The verdict.
@@ -200,7 +200,7 @@ pub const VERIFICATION: &str = "verification.csv";
 ///
 /// # Errors
 ///
-/// [`Error`] for an actuator of which there is none.
+/// [`Error`] for an actuator or limits that no model has.
 pub fn provisional(plan: &Plan) -> Result<Parameters> {
     let limits = &plan.board.limits;
     let largest_n = plan.actuator.electrostatic_force(limits.max_voltage_v.into());
@@ -357,7 +357,9 @@ impl Course<'_> {
         let is_first = |finding: &Finding| matches!(finding.cause, Cause::Arc | Cause::DropOuts);
         let (mut found, rest): (Vec<_>, Vec<_>) = self.report.findings.drain(..).partition(is_first);
         found.extend(diagnosis::of_ramp(&rows, &report, self.plan.band_hz));
-        found.extend(rest);
+        let is_alone = found.is_empty();
+        // A trip follows from what was found.
+        found.extend(rest.into_iter().filter(|finding| finding.cause == Cause::Clock || is_alone));
         self.report.findings = found;
         let path = self.file(RAMP);
         let text = serde_json::to_string(&report).map_err(|e| Error::file(&path, e))?;
@@ -534,7 +536,11 @@ impl Course<'_> {
             }
         }
         let Some((segments, grid, from_rest_v, planned_v)) = found else { return Ok(()) };
-        let expected = recorded.expectation(&parameters, &segments.reference_m, grid, segments.range_m, from_rest_v);
+        // The way back to 0 V is in no segment.
+        let samples = (segments.times_s[segments.times_s.len() - 1].end * verification::RATE_HZ) as usize;
+        let (within, grid) = (&segments.reference_m[..samples], Grid { samples, ..grid });
+        let from_rest_v = from_rest_v[..samples].to_vec();
+        let expected = recorded.expectation(&parameters, within, grid, segments.range_m, from_rest_v);
         let predicted_pct = expected.feedforward_error_pct;
 
         let mut from_s = None;

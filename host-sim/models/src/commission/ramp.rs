@@ -82,7 +82,7 @@ pub struct Step {
 pub struct Report {
     /// Its steps.
     pub steps: Vec<Step>,
-    /// What ended it.
+    /// The limit or the fault that ended it.
     pub ended_by: String,
     /// The largest voltage that the film may be driven with, V.
     pub peak_v: f64,
@@ -185,7 +185,7 @@ impl Ramp {
         Some(self.from_v + (self.to_v - self.from_v) * minimum_jerk((ahead_s - self.since_s) / rise_s))
     }
 
-    /// What was found.
+    /// The result.
     pub fn report(self) -> Report {
         let last = self.steps.last();
         let stroke_m = last.map_or(0.0, |step| step.measured_m);
@@ -239,7 +239,7 @@ impl Ramp {
         }
     }
 
-    /// The voltage of the next step, V, or why there is none.
+    /// The voltage of the next step, V, or why there are no more.
     fn next_voltage(&self) -> Result<f64, String> {
         // Doubled at first, then by equal parts of the force.
         let now = self.share(self.from_v);

@@ -21,7 +21,7 @@ use springpot::Actuator;
 
 use crate::sweep::{full_sweep, sample};
 
-/// Most substeps of a film with full memory, of 2 ms: 17 minutes, and twice as long with other segments.
+/// Most substeps of a film with full memory, of 2 ms: 17 minutes, or 26 with other segments.
 const SUBSTEPS: usize = 510_000;
 
 /// A film on its bench, drawn at random.
@@ -67,7 +67,7 @@ impl Case {
         let (plant, step_s): (Box<dyn Plant + '_>, f64) = match self.preset {
             Some((name, mismatch)) => {
                 let parameters = Parameters::preset(name).expect("a preset");
-                let substeps = if full_sweep() { 2 * SUBSTEPS + SUBSTEPS / 2 } else { SUBSTEPS };
+                let substeps = if full_sweep() { SUBSTEPS + SUBSTEPS / 2 } else { SUBSTEPS };
                 let plant = FullMemoryPlant::at_rest(&parameters, mismatch, 2e-3, substeps);
                 (Box::new(plant.expect("a plant")), 2e-3)
             }
@@ -77,31 +77,26 @@ impl Case {
         SimulatedBench::new(plant, step_s, &parameters, self.instruments, faults, self.seed).expect("a bench")
     }
 
-    /// The report on a bench with `faults`, and the share of other segments that are within the bounds of a record that passes.
-    fn run(&self, faults: Vec<Fault>, others: bool) -> (Report, Option<f64>) {
+    /// The report on a bench with `faults`.
+    fn run(&self, faults: Vec<Fault>) -> Report {
         let folder = tempfile::tempdir().expect("a folder");
         let mut bench = self.bench(faults);
         let never = AtomicBool::new(false);
-        let mut commission = |plan: &Plan| {
-            let report = commission::commission(&mut bench, plan, folder.path(), &never, &|_| ());
-            report.unwrap_or_else(|error| panic!("{}: {error}", self.seed))
-        };
-        let report = commission(&self.plan);
-        let within = (report.verdict.passed && others).then(|| {
-            let again = Plan { steps: [Step::Verify; 2], seed: self.seed + 99_991, rest_s: 300.0, ..self.plan.clone() };
-            let other = commission(&again);
-            let held = |bound: &Option<Quality>, found: &Option<Quality>| {
-                let largest = bound.as_ref().expect("verified").largest_pct;
-                let errors = found.as_ref().map_or(Vec::new(), |found| found.errors_pct.clone());
-                errors.iter().filter(|error| **error <= largest).count() as f64 / errors.len() as f64
-            };
-            0.5 * (held(&report.feedforward, &other.feedforward) + held(&report.tracking, &other.tracking))
-        });
+        let report = commission::commission(&mut bench, &self.plan, folder.path(), &never, &|_| ());
+        let report = report.unwrap_or_else(|error| panic!("{}: {error}", self.seed));
         let (furthest_m, _) = bench.film();
         let largest_m = f64::from(self.plan.board.limits.max_displacement_m);
         assert!(furthest_m < 1.01 * largest_m, "{}: {furthest_m} m of {largest_m} m", self.seed);
-        (report, within)
+        report
     }
+}
+
+/// Share of every second segment that is within the bound of the others: later ones have larger errors than the first.
+fn within(quality: Option<&Quality>) -> Option<f64> {
+    let errors = &quality?.errors_pct;
+    let bound = errors.iter().step_by(2).copied().fold(0.0, f64::max);
+    let others: Vec<f64> = errors.iter().skip(1).step_by(2).copied().collect();
+    (errors.len() >= 120).then(|| others.iter().filter(|error| **error <= bound).count() as f64 / others.len() as f64)
 }
 
 fn printed(report: &Report) -> String {
@@ -121,14 +116,18 @@ fn sound_films_pass_and_their_bounds_hold() {
     let seeds: Vec<u64> = if full_sweep() { (0..300).collect() } else { vec![5] };
     let (mut passed, mut held) = (0, Vec::new());
     for &seed in &seeds {
-        let case = Case::random(seed);
-        let (report, within) = case.run(Vec::new(), full_sweep());
+        let mut case = Case::random(seed);
+        // Those that the record would have, and as many that no record has seen.
+        case.plan.segments = if full_sweep() { 120 } else { 60 };
+        let report = case.run(Vec::new());
         let film = case.preset.map_or("film", |(name, _)| name);
-        println!("{seed} {film} {} {within:?}: {}", report.verdict.passed, printed(&report));
+        let others = [&report.feedforward, &report.tracking].map(|quality| within(quality.as_ref()));
+        println!("{seed} {film} {} {others:?}: {}", report.verdict.passed, printed(&report));
         passed += usize::from(report.verdict.passed);
-        held.extend(within);
-        // At most 20 minutes, and each step of the ramp as predicted.
-        assert!(report.film_s < 1200.0, "{} s", report.film_s);
+        held.extend(others.into_iter().flatten());
+        // At most 20 minutes without the others, and each step of the ramp as predicted.
+        let more_s = (case.plan.segments - 60) as f64 * 8.0;
+        assert!(report.film_s - more_s < 1200.0, "{} s", report.film_s);
         for step in report.ramp.iter().flat_map(|ramp| &ramp.steps) {
             let off_m = step.predicted_m.map_or(0.0, |predicted_m| (predicted_m - step.measured_m).abs());
             assert!(off_m < 0.05 * step.measured_m + 20e-6, "{seed}: {step:?}");
@@ -150,7 +149,7 @@ const FAULTS: &[(FaultKind, &[Cause], &[f64])] = &[
     (FaultKind::SensorScale, &[Cause::SensorScale], &[0.5, 0.9, 1.05, 2.0, 25.4]),
     (FaultKind::MonitorGain, &[Cause::MonitorGain], &[0.9, 0.95, 1.04, 1.1]),
     (FaultKind::Lag, &[Cause::Lag], &[0.03, 0.1, 0.5]),
-    (FaultKind::SensorDelay, &[Cause::Lag, Cause::Frozen], &[0.06, 0.1, 0.3]),
+    (FaultKind::SensorDelay, &[Cause::Lag, Cause::Frozen], &[0.1, 0.2, 0.3]),
     (FaultKind::Resonance, &[Cause::Resonance], &[0.3, 0.5, 0.8, 1.2]),
     (FaultKind::Slip, &[Cause::Slip], &[0.02, 0.05, 0.2]),
     (FaultKind::Leak, &[Cause::Leak], &[0.03, 0.1, 0.3]),
@@ -179,14 +178,14 @@ fn bad_benches_do_not_pass() {
         let case = Case::random(1000 + k as u64);
         let mut sound = Case::random(1000 + k as u64);
         sound.plan.steps[1] = Step::Ramp;
-        let ramp = sound.run(Vec::new(), false).0.ramp.expect("a ramp");
+        let ramp = sound.run(Vec::new()).ramp.expect("a ramp");
         let strength = match kind {
             _ if strength > 0.0 => strength,
             FaultKind::Saturation | FaultKind::Friction => -strength * ramp.stroke_m,
             FaultKind::AmplifierEnd => -strength * ramp.peak_v,
             _ => ramp.stroke_m / (-strength * ramp.noise_m),
         };
-        let (report, _) = case.run(vec![Fault { kind, strength }], false);
+        let report = case.run(vec![Fault { kind, strength }]);
         let line = format!("{k} {}={strength:.3e}: {}", kind.name(), printed(&report));
         println!("{line}");
         if report.verdict.passed {

@@ -79,5 +79,8 @@ fn end(mut text: String, report: &Report<'_>) -> String {
              the [board] of yours",
         );
     }
+    if let Some(verdict) = &report.verdict {
+        let _ = write!(text, "\nthe simulated film {verdict}");
+    }
     text
 }

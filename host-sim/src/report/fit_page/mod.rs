@@ -30,6 +30,8 @@ pub struct FitPage<'a> {
     pub parameters: &'a Parameters,
     /// Input of the model.
     pub direction: Direction,
+    /// How a film follows with it, in a sentence, where one was followed.
+    pub verdict: Option<&'a str>,
 }
 
 impl FitPage<'_> {
@@ -58,6 +60,7 @@ impl FitPage<'_> {
             Section::new("origin", "Files and origin", origin::body(&numbers, self.direction)),
         ]);
         let lead = html! {
+            @if let Some(verdict) = self.verdict { p.verdict { "The simulated film " (verdict) "." } }
             p.verdict {
                 (self.report.topology) " with n = " (numbers.number("/branches", Form::Fixed(0)))
                 @if self.report.branches == 1 { " branch" } @else { " branches" }
