@@ -226,7 +226,7 @@ pub(super) const FAULTS: &[Fault] = &[
             run.volts[from..from + length].fill(0.0);
         }
     }),
-    rows("arcs in the sensor", &["drop-outs"], |run, random| {
+    rows("arcs in the sensor", &["drop-outs", "outliers"], |run, random| {
         let range = run.rows.iter().map(|row| row[2].abs()).fold(0.0, f64::max);
         for row in &mut run.rows {
             if random.random_bool(0.005) {
