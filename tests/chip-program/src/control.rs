@@ -3,8 +3,8 @@
 use core::hint::black_box;
 
 use springpot::{
-    Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, LearningState, Limited, Maxwell, Observer,
-    ObserverOptions, SensorSample, Tracking,
+    AdaptiveTracking, Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, LearningState, Limited,
+    Maxwell, Observer, ObserverOptions, SensorSample, Tracking,
 };
 
 use crate::{Checksum, Name, Report, STEPS, repeat};
@@ -16,6 +16,7 @@ pub fn run(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model:
     feedforward(report, name("feedforward"), law(model));
     observer(report, name("observer"), law(model));
     tracking(report, name("tracking"), law(model));
+    adaptive(report, name("adaptive"), law(model));
     // What it learns does not depend on the curve.
     if !name("learning").film.curved {
         learning(report, name("learning"), &law(model));
@@ -77,6 +78,23 @@ fn tracking(report: &mut impl Report, name: Name, law: Law<f32>) {
         voltage = config.command(&mut state, reference(k)).voltage_v;
         voltage
     });
+}
+
+/// Bits alone: the cost of a tick depends on its place in a round.
+#[inline(never)]
+fn adaptive(report: &mut impl Report, name: Name, law: Law<f32>) {
+    let rest = law.state();
+    let options = ObserverOptions::at_bandwidth(0.6);
+    let config = AdaptiveTracking::new(law, &name.film.actuator(), CommandLimits::BENCH, options);
+    let Ok(config) = config else { panic!("refused") };
+    let mut state = config.state(rest);
+    let (mut voltage, mut checksum) = (0.0, Checksum::default());
+    for k in (0..STEPS).map(f32::from) {
+        config.observe(&mut state, Applied::as_commanded(voltage), black_box(sample(k)));
+        voltage = config.command(&mut state, reference(k)).voltage_v;
+        checksum.add(voltage);
+    }
+    report.bits(name, checksum);
 }
 
 /// In front of a law of control: a reference of 50 ms, whose blocks end within the steps, and a sample in every tenth tick.

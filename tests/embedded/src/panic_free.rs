@@ -10,7 +10,10 @@ use core::panic::PanicInfo;
 
 use dea_driver::chips::{AdcCode, AdcRange};
 use dea_driver::{Device, Inputs};
-use springpot::{Compressed, Law, LawState, Learning, LearningState, Limited, Memory, SensorSample, VoltageDrive};
+use springpot::{
+    AdaptiveTracking, AdaptiveTrackingState, Applied, Compressed, Law, LawState, Learning, LearningState, Limited,
+    Memory, SensorSample, VoltageDrive,
+};
 
 unsafe extern "C" {
     fn a_step_or_a_tick_can_panic() -> !;
@@ -53,6 +56,10 @@ fn main() -> ! {
         black_box(learning.advance(learned, black_box(1e-3), black_box(Limited::NONE)));
         learning.restart(learned, black_box(1e-3), black_box(true));
         learned.forget();
+        let (tracking, tracked) = (built::<AdaptiveTracking<f32>>(), built::<AdaptiveTrackingState<f32>>());
+        black_box(tracking.observe(tracked, Applied::as_commanded(black_box(1.0)), black_box(Some(sample))));
+        black_box(tracking.command(tracked, black_box(1e-3)));
+        black_box(tracked.adapted());
         let adc_v = |code: u16| black_box(Some(AdcCode(code).volts(AdcRange::UpTo10V24)));
         let inputs = Inputs { interlock_closed: black_box(true), monitor_adc_v: adc_v(1), sensor_adc_v: adc_v(2) };
         black_box(built::<Device>().tick(inputs));

@@ -472,6 +472,36 @@ impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
         self.share
     }
 
+    /// The electrostatic force as scaled, N.
+    pub(crate) fn scaled_load(&self, drive: &VoltageDrive<T>) -> T {
+        let Load { force_n, slope_n_per_m } = self.load;
+        self.force_scale * ((force_n - drive.preload()) + slope_n_per_m * self.film.position())
+    }
+
+    /// How far a `load` (N) is from its slow mean, N.
+    pub(crate) fn load_swing(&self, load: T) -> T {
+        (load - self.load_mean).abs()
+    }
+
+    /// The force that a model of this `stiffness` (N/m) lacks, N: what acts of it, and what the last innovation still asks for.
+    pub(crate) fn unexplained(&self, stiffness: T) -> T {
+        self.disturbance + stiffness * self.film.slope() * self.innovation
+    }
+
+    /// Whether a sensor corrects the film, with all of the correction in use.
+    pub(crate) fn is_corrected(&self, observer: &Observer<T, M, PAST>) -> bool {
+        self.since_sample <= observer.lost_after && self.share > T::from_f64(FULL_SHARE)
+    }
+
+    /// Multiplies the force scale by `grown`. The disturbance becomes less by `shift` (N), which the model now has, and without a sensor
+    /// `kept` (N).
+    pub(crate) fn adapt_to(&mut self, grown: T, shift: T, kept: T) {
+        self.force_scale = self.force_scale * grown;
+        self.integral = self.integral - shift;
+        self.disturbance = self.disturbance - shift;
+        self.integral_mean = kept;
+    }
+
     pub(crate) fn correction(&self) -> Correction<T> {
         Correction { disturbance: self.disturbance(), force_scale: self.force_scale }
     }

@@ -148,6 +148,10 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         &self.observer
     }
 
+    pub(crate) fn observer_mut(&mut self) -> &mut ObserverState<T, M, PAST> {
+        &mut self.observer
+    }
+
     /// All of the correction is in use until the reference has moved again: for a voltage that does not follow the sensor.
     pub(crate) fn correct_fully(&mut self) {
         self.fade = FadeState::at(self.inverse.path.position);

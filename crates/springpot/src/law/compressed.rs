@@ -170,6 +170,21 @@ pub struct CompressedHistory<T, const HEAD: usize, const FAST: usize, const SLOW
     pub(crate) slow: [Dashpot<T>; SLOW],
 }
 
+/// A number for each mode of a [`Compressed`] memory.
+#[derive(Clone, Debug)]
+pub struct PerMode<T, const FAST: usize, const SLOW: usize> {
+    fast: [T; FAST],
+    slow: [T; SLOW],
+}
+
+/// As every number type has it: not every one compares itself.
+impl<T: Scalar, const FAST: usize, const SLOW: usize> PartialEq for PerMode<T, FAST, SLOW> {
+    fn eq(&self, other: &Self) -> bool {
+        let numbers = |modes: &Self| (modes.fast.map(T::to_f64), modes.slow.map(T::to_f64));
+        numbers(self) == numbers(other)
+    }
+}
+
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
     /// The law of `model` with a compressed memory.
     ///
@@ -341,6 +356,7 @@ impl<T: Scalar> Decay<T> {
 
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Steps<T> for Compressed<T, HEAD, FAST, SLOW> {
     type History = CompressedHistory<T, HEAD, FAST, SLOW>;
+    type PerMode = PerMode<T, FAST, SLOW>;
 
     #[inline]
     fn advance(&self, history: &mut Self::History, increment: T) -> T {
@@ -382,6 +398,49 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Steps<T
 
     fn leave_inertia(&mut self) {
         self.head = self.massless_head();
+    }
+
+    fn per_mode() -> Self::PerMode {
+        PerMode { fast: [T::ZERO; FAST], slow: [T::ZERO; SLOW] }
+    }
+
+    #[inline]
+    fn of_mode(numbers: &Self::PerMode, index: usize) -> Option<&T> {
+        if index < FAST { numbers.fast.get(index) } else { numbers.slow.get(index - FAST) }
+    }
+
+    #[inline]
+    fn of_mode_mut(numbers: &mut Self::PerMode, index: usize) -> Option<&mut T> {
+        if index < FAST { numbers.fast.get_mut(index) } else { numbers.slow.get_mut(index - FAST) }
+    }
+
+    #[inline]
+    fn mode(&self, index: usize) -> [T; 2] {
+        let decay = if index < FAST { self.fast.get(index) } else { self.slow.get(index - FAST) };
+        decay.map_or([T::ZERO; 2], |decay| [decay.loss, decay.weight])
+    }
+
+    #[inline]
+    fn extension(history: &Self::History, index: usize) -> T {
+        if index < FAST {
+            history.fast.get(index).copied().unwrap_or(T::ZERO)
+        } else {
+            history.slow.get(index - FAST).map_or(T::ZERO, |dashpot| history.left - dashpot.displacement)
+        }
+    }
+
+    #[inline]
+    fn relax(history: &mut Self::History, index: usize, flow: T) {
+        if index < FAST {
+            if let Some(extension) = history.fast.get_mut(index) {
+                *extension = *extension - flow;
+            }
+        } else if let Some(dashpot) = history.slow.get_mut(index - FAST) {
+            let addend = flow - dashpot.surplus;
+            let displacement = dashpot.displacement + addend;
+            dashpot.surplus = (displacement - dashpot.displacement) - addend;
+            dashpot.displacement = displacement;
+        }
     }
 
     fn response(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64> {

@@ -26,6 +26,20 @@ pub(crate) struct Curved<T> {
     pub(super) largest: T,
 }
 
+/// The memory of a film at the next step if it goes on with its increment, and what acts on it there.
+#[derive(Clone, Copy)]
+pub(crate) struct Remembered<T> {
+    /// The memory's force, N, and the value of its strain measure, m.
+    pub(crate) force: T,
+    pub(crate) value: T,
+    /// Weight of that force, slope of the measure, and force per displacement within the step (N/m), all as the law has them.
+    pub(crate) weight: T,
+    pub(crate) slope: T,
+    pub(crate) stiffness: T,
+    /// Stiffness of slow changes over that at rest, likewise.
+    pub(crate) steepness: T,
+}
+
 /// The curves of a law.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Shape<T> {
@@ -214,6 +228,44 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
             }
         }
         state
+    }
+
+    /// Whether it is behind a curve, or has two.
+    pub(crate) fn is_curved(&self) -> bool {
+        self.curved.is_some()
+    }
+
+    /// Where the memory of a film in `state` goes on to, after a step.
+    #[inline]
+    pub(crate) fn remembered(&self, state: &LawState<T, M>) -> Remembered<T> {
+        let (ahead, one) = (&state.bend.ahead, T::from_f64(1.0));
+        let value = ahead.knot + ahead.beyond;
+        match self.bent() {
+            None => Remembered {
+                force: state.base,
+                value: state.position + state.increment,
+                weight: one,
+                slope: one,
+                stiffness: self.stiffness,
+                steepness: one,
+            },
+            Some((_, Shape::Before(_))) => Remembered {
+                force: state.base,
+                value,
+                weight: one,
+                slope: ahead.slope,
+                stiffness: state.bend.stiffness,
+                steepness: state.bend.slope,
+            },
+            Some((_, Shape::Beside(_))) => Remembered {
+                force: state.bend.memory,
+                value,
+                weight: ahead.slope,
+                slope: ahead.slope,
+                stiffness: state.bend.stiffness,
+                steepness: state.bend.slope,
+            },
+        }
     }
 
     /// The film where it is softest, as slow changes see it.

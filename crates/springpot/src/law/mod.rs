@@ -41,6 +41,8 @@ pub(crate) mod sealed {
     pub trait Steps<T> {
         /// The part that changes with every step. A [`LawState`](crate::LawState) holds it.
         type History;
+        /// A number for each decaying mode.
+        type PerMode: Clone + core::fmt::Debug + PartialEq;
 
         /// Stores the newest increment of displacement (m) and returns the force (N) that the film would show at the
         /// next step if it went on with that increment.
@@ -50,6 +52,24 @@ pub(crate) mod sealed {
 
         /// Drops the inertia that a second-order method has in its weights: a law behind a curve steps it itself.
         fn leave_inertia(&mut self);
+
+        /// So many zeros.
+        fn per_mode() -> Self::PerMode;
+
+        /// The number of mode `index`, fastest first; `None` beyond the last.
+        fn of_mode(numbers: &Self::PerMode, index: usize) -> Option<&T>;
+
+        /// The same to change it.
+        fn of_mode_mut(numbers: &mut Self::PerMode, index: usize) -> Option<&mut T>;
+
+        /// 1 − ρ and the weight (N/m) of mode `index`.
+        fn mode(&self, index: usize) -> [T; 2];
+
+        /// The extension (m) of the spring of mode `index`.
+        fn extension(history: &Self::History, index: usize) -> T;
+
+        /// Lets the dashpot of mode `index` flow by `flow` (m) in addition: its spring becomes as much shorter.
+        fn relax(history: &mut Self::History, index: usize, flow: T);
 
         /// The transfer function of [`advance`](Self::advance), N/m, from the delay of one step ζ and 1 − ζ.
         fn response(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64>;

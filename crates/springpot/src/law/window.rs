@@ -96,6 +96,8 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Law<T, Window<T, B>> {
 
 impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Steps<T> for Window<T, B> {
     type History = WindowHistory<T, B>;
+    /// It has no modes.
+    type PerMode = ();
 
     #[inline]
     fn advance(&self, history: &mut Self::History, increment: T) -> T {
@@ -122,6 +124,26 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Steps<T> for Window<T, B> {
     }
 
     fn leave_inertia(&mut self) {}
+
+    fn per_mode() -> Self::PerMode {}
+
+    fn of_mode((): &Self::PerMode, _: usize) -> Option<&T> {
+        None
+    }
+
+    fn of_mode_mut((): &mut Self::PerMode, _: usize) -> Option<&mut T> {
+        None
+    }
+
+    fn mode(&self, _: usize) -> [T; 2] {
+        [T::ZERO; 2]
+    }
+
+    fn extension(_: &Self::History, _: usize) -> T {
+        T::ZERO
+    }
+
+    fn relax(_: &mut Self::History, _: usize, _: T) {}
 
     fn response(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64> {
         let before = Complex::new(self.before.to_f64(), 0.0) / difference;

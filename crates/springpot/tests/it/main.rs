@@ -2,6 +2,7 @@
 //!
 //! Sweeps over many models run on a sample of them by default and on all with `SPRINGPOT_SWEEP=full`.
 
+mod adaptation;
 mod amplifier;
 mod coarser;
 mod compressed_memory;

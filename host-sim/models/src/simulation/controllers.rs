@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use host_io::choice;
 use springpot::{
-    Actuator, Applied, CommandLimits, Compensator, Feedforward, Follower, FollowerState, Learning, LearningOptions,
-    Limited, Observer, ObserverOptions, Preload, Real, SensorSample, Tracking,
+    Actuator, AdaptiveTracking, Applied, CommandLimits, Compensator, Feedforward, Follower, FollowerState, Learning,
+    LearningOptions, Limited, Observer, ObserverOptions, Preload, Real, SensorSample, Tracking,
 };
 
 use crate::error::Result;
@@ -28,6 +28,8 @@ choice! {
         Feedforward = "feedforward",
         /// Feedforward and observer.
         Tracking = "tracking",
+        /// Tracking whose law follows the film: without a sensor it goes on with what the film has shown.
+        Adaptive = "adaptive",
     }
 }
 
@@ -62,9 +64,9 @@ pub struct ControllerSettings {
     pub rate_hz: f64,
     /// Limits of the command.
     pub limits: CommandLimits,
-    /// The observer of `Tracking`; `Pi` takes its bandwidth as well.
+    /// The observer of `Tracking` and `Adaptive`; `Pi` takes its bandwidth as well.
     pub observer: ObserverOptions,
-    /// Learning of periodic references, of `Feedforward` and `Tracking`.
+    /// Learning of periodic references, of `Feedforward`, `Tracking` and `Adaptive`.
     pub learning: Option<LearningOptions>,
     /// Highest displacement of the reference, m: `None` is scaled on it.
     pub peak_m: f64,
@@ -135,6 +137,16 @@ fn build_in<T: Real + Send + 'static>(
             let follower = learning_too(tracking, learning);
             let correction =
                 |state: &FollowerState<T>| Some((state.observer().disturbance(), state.observer().force_scale()));
+            Box::new(Following { state: follower.state(rest), follower, correction })
+        }
+        ControllerKind::Adaptive => {
+            let (rest, learning) = (law.state(), learning.transpose()?);
+            let tracking = AdaptiveTracking::new(law, &actuator, limits, settings.observer).map_err(refused)?;
+            let follower = learning_too(tracking, learning);
+            let correction = |state: &FollowerState<T, AdaptiveTracking<T>>| {
+                let observer = state.compensator().tracking().observer();
+                Some((observer.disturbance(), observer.force_scale()))
+            };
             Box::new(Following { state: follower.state(rest), follower, correction })
         }
     })
@@ -265,7 +277,7 @@ fn learning_too<T: Real, C: Compensator<T>>(compensator: C, learning: Option<Lea
 /// Disturbance (N) and force scale that the sensor has shown, if there is one.
 type Correction<T> = Option<(T, T)>;
 
-/// `Feedforward`, `Window` with another memory, and `Tracking`.
+/// `Feedforward`, `Window` with another memory, `Tracking` and `Adaptive`.
 struct Following<T: Real, C: Compensator<T>> {
     follower: Follower<T, C>,
     state: FollowerState<T, C>,

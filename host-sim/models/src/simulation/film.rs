@@ -106,6 +106,14 @@ impl Film {
         self
     }
 
+    /// The film under another weight of the same inertia, `share` times as heavy, at rest where that holds it.
+    #[must_use]
+    pub fn loaded(mut self, share: f64) -> Self {
+        self.pull *= share;
+        self.rest_stretch = self.stretch_under_weight();
+        self
+    }
+
     /// Stretch λ₀ at which the film carries the weight at rest.
     pub fn rest_stretch(&self) -> f64 {
         self.rest_stretch
@@ -202,7 +210,7 @@ impl Film {
     }
 
     fn stretch_under_weight(&self) -> f64 {
-        let pull = MASS_KG * GRAVITY / (WIDTH_M * THICKNESS_M);
+        let pull = self.pull * MASS_KG * GRAVITY / (WIDTH_M * THICKNESS_M);
         let (mut low, mut high) = (1.0, self.largest_stretch());
         for _ in 0..200 {
             let middle = 0.5 * (low + high);

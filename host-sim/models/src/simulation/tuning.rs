@@ -97,8 +97,9 @@ impl ControllerTuning {
         if harmonics > HARMONICS {
             return Err(Error::field("harmonics", format!("{harmonics}: at most {HARMONICS} are learned")));
         }
-        if !matches!(kind, ControllerKind::Feedforward | ControllerKind::Tracking) {
-            let cause = format!("{} does not learn; use feedforward or tracking", kind.name());
+        use ControllerKind::{Adaptive, Feedforward, Tracking};
+        if !matches!(kind, Feedforward | Tracking | Adaptive) {
+            let cause = format!("{} does not learn; use feedforward, tracking or adaptive", kind.name());
             return Err(Error::field("harmonics", cause));
         }
         if let Some(period) = self.period_s {

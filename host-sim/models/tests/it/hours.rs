@@ -49,7 +49,7 @@ const NOISE_M: f64 = 1.25e-6;
 
 /// A film, and the law that was fitted to recordings of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Kind {
+pub(crate) enum Kind {
     Hossain,
     Wang,
     LittleCreep,
@@ -153,7 +153,7 @@ impl Kind {
     }
 
     /// Fitted once for all tests here.
-    fn parameters(self) -> Parameters {
+    pub(crate) fn parameters(self) -> Parameters {
         static FITTED: Mutex<BTreeMap<Kind, Arc<OnceLock<Parameters>>>> = Mutex::new(BTreeMap::new());
         let law = FITTED.lock().unwrap_or_else(PoisonError::into_inner).entry(self).or_default().clone();
         law.get_or_init(|| self.fit()).clone()

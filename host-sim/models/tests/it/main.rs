@@ -4,6 +4,7 @@ mod amplifier;
 mod amplifier_demand;
 mod at_hand;
 mod bad_recordings;
+mod changed_films;
 mod commission;
 mod copies;
 mod curves;

@@ -60,11 +60,20 @@ pub(crate) struct Stiffening {
     pub coupling: f64,
     /// Voltage at which the force is half of Eq. 1, V.
     pub saturation_v: f64,
+    /// A constant force, N.
+    pub weight_n: f64,
 }
 
 impl Stiffening {
     pub(crate) fn with(elements: [(f64, f64); 3]) -> Self {
-        Self { spring: (9e3, 6e8), elements, inertia: (0.1, 2.0), coupling: 40.0, saturation_v: f64::INFINITY }
+        Self {
+            spring: (9e3, 6e8),
+            elements,
+            inertia: (0.1, 2.0),
+            coupling: 40.0,
+            saturation_v: f64::INFINITY,
+            weight_n: 0.0,
+        }
     }
 }
 
@@ -102,7 +111,7 @@ impl StiffeningFilm {
         let square = volts * volts / (1.0 + (volts / self.film.saturation_v).powi(2));
         let pull = EPSILON_0 * 4.7 * area_m2 / 1e-8 * square * (1.0 + self.film.coupling * x);
         let flow = |(k, time_s): (f64, f64), e: f64| (force / (stiffness * k) - e) / (times * time_s);
-        [speed, (pull - force - damping * speed) / mass, flow(a, e0), flow(b, e1), flow(c, e2)]
+        [speed, (pull + self.film.weight_n - force - damping * speed) / mass, flow(a, e0), flow(b, e1), flow(c, e2)]
     }
 
     /// A step under `volts`, by the classical Runge–Kutta method; the displacement, m.
@@ -182,6 +191,8 @@ pub(crate) struct BlendedFilm {
     substeps: usize,
     displacement_m: f64,
     increment_m: f64,
+    /// A constant force, N.
+    pub(crate) weight_n: f64,
 }
 
 impl BlendedFilm {
@@ -196,7 +207,15 @@ impl BlendedFilm {
         };
         let mut films = vec![film(Change::NONE)];
         films.extend(ramp.map(|ramp| film(ramp.to)));
-        Self { actuator: parameters.actuator, films, ramp, substeps: 0, displacement_m: 0.0, increment_m: 0.0 }
+        Self {
+            actuator: parameters.actuator,
+            films,
+            ramp,
+            substeps: 0,
+            displacement_m: 0.0,
+            increment_m: 0.0,
+            weight_n: 0.0,
+        }
     }
 
     fn force_to(&self, x: f64, warm: f64) -> f64 {
@@ -218,7 +237,8 @@ impl Plant for BlendedFilm {
         let warm = self.ramp.map_or(0.0, |ramp| ramp.share(self.substeps));
         self.substeps += 1;
         let load = self.actuator.load(voltage_v);
-        let missing = |x: f64| load.force_n + load.slope_n_per_m * x - self.force_to(x, warm);
+        let force_n = load.force_n + self.weight_n;
+        let missing = |x: f64| force_n + load.slope_n_per_m * x - self.force_to(x, warm);
         // The curve hardly bends within a substep: a chord over a micrometre, and a second step for what it leaves.
         let near = self.displacement_m + self.increment_m;
         let at_near = missing(near);

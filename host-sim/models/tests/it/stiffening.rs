@@ -50,6 +50,7 @@ impl Case {
                 inertia: (0.1, 0.3 * f64::sqrt(0.1 * spring)),
                 coupling: 40.0,
                 saturation_v: f64::INFINITY,
+                weight_n: 0.0,
             },
             sines: [0.4, 0.15, 0.08].map(|hz| (3500.0, hz)).to_vec(),
             duration_s: 180.0,
@@ -110,6 +111,7 @@ fn random(seed: u64) -> Case {
         inertia: (0.1, uniform(0.1, 0.5) * f64::sqrt(0.1 * spring)),
         coupling: uniform(0.0, 60.0),
         saturation_v,
+        weight_n: 0.0,
     };
     let second = if uniform(0.0, 1.0) < 0.5 { uniform(0.4, 0.7) } else { 1.0 };
     Case {

@@ -28,7 +28,7 @@ use crate::{curves, fitting};
 
 const RATE_HZ: f64 = 200.0;
 
-const FILE: &str = r#"schema = 3
+pub(crate) const FILE: &str = r#"schema = 3
 name = "two curves"
 
 [actuator]
@@ -54,7 +54,7 @@ displacement_m = [-0.0005, 0.0, 0.002, 0.006]
 force_n = [-5.0, 0.0, 18.0, 45.0]
 "#;
 
-fn parsed(text: &str) -> Result<Parameters, String> {
+pub(crate) fn parsed(text: &str) -> Result<Parameters, String> {
     Parameters::from_toml(Path::new("film.toml"), text).map_err(|error| error.to_string())
 }
 
@@ -261,7 +261,7 @@ const LOW_M: f64 = 3.2e-3;
 const HIGH_M: f64 = 4e-3;
 
 /// Two curves, or none, of three parallel branches fitted to recordings of the film of finite strain.
-fn fitted(observations: &[Observation], curve: CurveChoice) -> Parameters {
+pub(crate) fn fitted(observations: &[Observation], curve: CurveChoice) -> Parameters {
     let actuator = Actuator { length_m: 0.06, width_m: 0.04, ..Actuator::KARNER_2022 };
     let topologies = vec![Topology::Parallel];
     let settings =
@@ -301,7 +301,7 @@ fn followed(parameters: &Parameters, seconds: f64, rate_hz: f64) -> ([f64; 3], [
 }
 
 /// A recording of the film of finite strain: 0 V to `peak_v` and back at `hz`, 5 µm of noise.
-fn of_finite_strain(peak_v: f64, hz: f64, seconds: f64, every_ms: usize) -> Observation {
+pub(crate) fn of_finite_strain(peak_v: f64, hz: f64, seconds: f64, every_ms: usize) -> Observation {
     let noise = Normal::new(0.0, 5e-6).expect("valid");
     let mut random = Pcg64::seed_from_u64((1e3 * hz + peak_v) as u64);
     let volts = |t: f64| 0.5 * peak_v * (1.0 - (TAU * hz * t).cos());

@@ -1,0 +1,269 @@
+//! Films that differ from the law they are followed with: what a sensor shows of them, and how they are followed without it.
+//!
+//! The film itself is another law, of a changed model at half the step, in f64.
+
+use std::f64::consts::TAU;
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use springpot::{
+    Actuator, Adapted, AdaptiveTracking, AdaptiveTrackingState, Applied, CommandLimits, ControlError, Law, LawOptions,
+    LawState, Load, Maxwell, Measure, ObserverOptions, Real, SensorSample, Spring, Springpot, Topology, VoltageDrive,
+};
+
+const ACTUATOR: Actuator =
+    Actuator { length_m: 0.03, width_m: 0.02, thickness_m: 100e-6, mass_kg: 0.1, ..Actuator::KARNER_2022 };
+const LOW_M: f64 = 1.5e-3;
+const HIGH_M: f64 = 3e-3;
+/// 5 µm RMS, evenly distributed.
+const NOISE_M: f64 = 8.66e-6;
+
+/// How a film differs from the law.
+#[derive(Clone, Copy, Debug)]
+struct Change {
+    /// Factors of all stiffness, of that of the memory alone, of the order, and of the relaxation times.
+    stiffness: f64,
+    memory: f64,
+    alpha: f64,
+    times: f64,
+    /// A constant force, N.
+    bias_n: f64,
+}
+
+const NONE: Change = Change { stiffness: 1.0, memory: 1.0, alpha: 1.0, times: 1.0, bias_n: 0.0 };
+
+/// A springpot on Hencky's strain beside a spring that softens, or a springpot with Maxwell elements.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    TwoCurves,
+    Straight,
+}
+
+fn law<T: Real>(kind: Kind, change: Change, step_s: f64) -> Law<T> {
+    let Change { stiffness, memory, alpha, times, .. } = change;
+    // c s^α of times that are `times` as long: c (times s)^α.
+    let element =
+        |c: f64, order: f64| Springpot::new(stiffness * memory * c * times.powf(alpha * order), alpha * order);
+    let dashpot = |c: f64| Springpot::new(stiffness * memory * c * times, 1.0);
+    let spring = |c: f64| Springpot::new(stiffness * memory * c, 0.0);
+    let model = match kind {
+        Kind::TwoCurves => Maxwell::new(element(3e3, 0.2), &[], Topology::Parallel, 0.1),
+        Kind::Straight => {
+            let branches = [[spring(3e3), dashpot(6e3)], [spring(2e3), dashpot(8e4)]];
+            Maxwell::new(spring(9e3), &branches, Topology::Parallel, 0.1)
+        }
+    };
+    let law = Law::compressed(&model.expect("valid"), LawOptions::at_step(step_s)).expect("a law");
+    if kind == Kind::Straight {
+        return law;
+    }
+    let points = [(-0.5e-3, -5.0), (0.0, 0.0), (2e-3, 18.0), (6e-3, 45.0)].map(|(x, force)| (x, stiffness * force));
+    let measure = Measure { exponent: 0.0, length_m: 0.03 }.curve(-0.5e-3, 6e-3).expect("a curve");
+    law.beside(&Spring::through(&points).expect("a spring"), &measure).expect("a law")
+}
+
+struct Plant {
+    law: Law<f64>,
+    film: LawState<f64>,
+    drive: VoltageDrive<f64>,
+    bias_n: f64,
+}
+
+impl Plant {
+    fn new(kind: Kind, change: Change) -> Self {
+        let law = law::<f64>(kind, change, 0.5e-3);
+        let drive = VoltageDrive::new(&ACTUATOR, 6000.0, law.min_stiffness()).expect("valid");
+        Self { film: law.state(), law, drive, bias_n: change.bias_n }
+    }
+
+    fn step(&mut self, voltage: f64) {
+        let load = self.drive.load(voltage);
+        for _ in 0..2 {
+            self.law.displacement_under(&mut self.film, Load { force_n: load.force_n + self.bias_n, ..load });
+        }
+    }
+}
+
+/// A rise of 5 s, then a sine of 10 s.
+fn reference_m(k: usize) -> f64 {
+    let t = 1e-3 * k as f64;
+    let u = (t / 5.0).min(1.0);
+    let rise = u * u * u * (10.0 + u * (6.0 * u - 15.0));
+    let swing = if t < 5.0 { 0.0 } else { 1.0 - (TAU * (t - 5.0) / 10.0).cos() };
+    LOW_M * rise + 0.5 * (HIGH_M - LOW_M) * swing
+}
+
+fn tracking(kind: Kind) -> AdaptiveTracking<f32> {
+    let limits = CommandLimits { max_field_v_per_m: 1e8, ..CommandLimits::BENCH };
+    AdaptiveTracking::new(law(kind, NONE, 1e-3), &ACTUATOR, limits, ObserverOptions::at_bandwidth(0.6)).expect("valid")
+}
+
+/// A run of so many `seconds`: RMS error where the sensor is not `seen`, in % of peak to peak, and the state at the end. A reading is what `read` makes of the displacement, with noise, 100 a second, 10 ms late.
+fn run(
+    kind: Kind,
+    change: Change,
+    seconds: usize,
+    seen: impl Fn(usize) -> bool,
+    read: impl Fn(usize, f64) -> f64,
+    mut act: impl FnMut(usize, &mut AdaptiveTrackingState<f32>),
+) -> (f64, AdaptiveTrackingState<f32>) {
+    let tracking = tracking(kind);
+    let mut state = tracking.state(tracking.tracking().observer().law().state());
+    let mut plant = Plant::new(kind, change);
+    let mut random = Pcg64::seed_from_u64(7);
+    let (mut voltage, mut sample) = (0.0f32, None);
+    let (mut squares, mut count) = (0.0, 0u32);
+    for k in 0..1000 * seconds {
+        let x = plant.film.position();
+        let arrived = if k % 10 == 0 { sample.take() } else { None };
+        if k % 10 == 0 && seen(k) {
+            let displacement_m = read(k, x) + random.random_range(-NOISE_M..NOISE_M);
+            sample = Some(SensorSample { displacement_m: displacement_m as f32, age_ticks: 10 });
+        }
+        tracking.observe(&mut state, Applied::as_commanded(voltage), arrived);
+        voltage = tracking.command(&mut state, reference_m(k + 1) as f32).voltage_v;
+        act(k, &mut state);
+        if !seen(k) {
+            squares += (x - reference_m(k)).powi(2);
+            count += 1;
+        }
+        plant.step(f64::from(voltage));
+    }
+    (100.0 / (HIGH_M - LOW_M) * (squares / f64::from(count.max(1))).sqrt(), state)
+}
+
+fn without_after_a_minute(kind: Kind, change: Change) -> (f64, Adapted<f32>) {
+    let (error, state) = run(kind, change, 240, |k| k < 60_000, |_, x| x, |_, _| {});
+    (error, state.adapted())
+}
+
+/// A minute with the sensor, three without: changes of every parameter that is estimated, and of all together.
+#[test]
+fn a_film_of_the_laws_own_kind_is_followed_without_a_sensor() {
+    let together = Change { stiffness: 0.9, memory: 1.1, alpha: 1.0, times: 1.5, bias_n: 0.1 };
+    for kind in [Kind::TwoCurves, Kind::Straight] {
+        for change in [
+            NONE,
+            Change { stiffness: 0.8, ..NONE },
+            Change { stiffness: 1.2, ..NONE },
+            Change { alpha: 0.9, ..NONE },
+            Change { alpha: 1.1, ..NONE },
+            Change { times: 0.5, ..NONE },
+            Change { times: 2.0, ..NONE },
+            Change { bias_n: 0.2, ..NONE },
+            together,
+        ] {
+            let (error, adapted) = without_after_a_minute(kind, change);
+            println!("{kind:?} {change:?}: {error:.3} %, {adapted:?}");
+            // Two relaxation times show less in a minute than a springpot.
+            let most_pct = if kind == Kind::TwoCurves { 0.5 } else { 1.0 };
+            assert!(error < most_pct, "{kind:?} {change:?}: {error} %, {adapted:?}");
+        }
+    }
+}
+
+/// The parameters themselves, where a minute distinguishes them.
+#[test]
+fn what_differs_is_named() {
+    let adapted = |kind, change| without_after_a_minute(kind, change).1;
+    for stiffness in [0.8, 0.95, 1.2] {
+        let found = adapted(Kind::TwoCurves, Change { stiffness, ..NONE });
+        assert!((f64::from(found.force_scale) * stiffness - 1.0).abs() < 0.03, "{stiffness}: {found:?}");
+    }
+    for times in [0.5, 2.0f64] {
+        let found = adapted(Kind::Straight, Change { times, ..NONE });
+        assert!((f64::from(found.rate) + times.ln()).abs() < 0.25, "{times}: {found:?}");
+        assert!(found.ageing > 1.0, "{found:?}");
+    }
+    let found = adapted(Kind::TwoCurves, NONE);
+    assert!((found.force_scale - 1.0).abs() < 0.01 && found.ageing < 0.3, "{found:?}");
+    // What is stated of the force scale is of the size of its error.
+    assert!(found.uncertainty < 0.05, "{found:?}");
+}
+
+/// A law without modes has nothing to adapt but the force scale and the bias; nothing is refused but times of 0.
+#[test]
+fn options_are_checked() {
+    let options = ObserverOptions { adaptation_s: 0.0, ..ObserverOptions::at_bandwidth(0.6) };
+    let refused =
+        AdaptiveTracking::<f32>::new(law(Kind::Straight, NONE, 1e-3), &ACTUATOR, CommandLimits::BENCH, options);
+    assert!(matches!(refused, Err(ControlError::NotPositive { quantity: "adaptation_s", .. })));
+}
+
+/// Nothing is learned without a sensor, or once it is switched off; what is forgotten is the law as it was fitted.
+#[test]
+fn it_is_frozen_switched_off_and_forgotten() {
+    let softer = Change { stiffness: 0.85, ..NONE };
+    let mut at_loss = None;
+    let (_, after) = run(
+        Kind::TwoCurves,
+        softer,
+        90,
+        |k| k < 40_000,
+        |_, x| x,
+        |k, state| {
+            if k == 50_000 {
+                at_loss = Some(state.adapted());
+            }
+        },
+    );
+    let (before, after) = (at_loss.expect("passed"), after.adapted());
+    assert!((after.force_scale / before.force_scale - 1.0).abs() < 1e-4, "{before:?} {after:?}");
+    assert!((after.rate - before.rate).abs() < 1e-4 && (after.memory - before.memory).abs() < 1e-4);
+
+    let (_, off) = run(Kind::TwoCurves, softer, 30, |_| true, |_, x| x, |_, state| state.set_learning(false));
+    assert_eq!((off.adapted().force_scale, off.adapted().ageing), (1.0, 0.0));
+
+    let (_, forgotten) = run(
+        Kind::TwoCurves,
+        softer,
+        60,
+        |_| true,
+        |_, x| x,
+        |k, state| {
+            if k == 40_000 {
+                state.set_learning(false);
+                state.forget();
+            }
+        },
+    );
+    let forgotten = forgotten.adapted();
+    assert!((forgotten.force_scale - 1.0).abs() < 1e-3 && forgotten.ageing < 1e-3, "{forgotten:?}");
+}
+
+/// Sensors that lie: every number stays finite and within its bounds, and the film within what the sensor's error explains.
+#[test]
+fn sensors_that_lie_do_not_run_away() {
+    type Lie = fn(usize, f64) -> f64;
+    let lies: [(&str, Lie); 6] = [
+        ("frozen", |k, x| if k < 20_000 { x } else { 2e-3 }),
+        ("drifts", |k, x| x + 20e-6 * 1e-3 * k as f64),
+        ("slips", |k, x| if k < 30_000 { x } else { x + 0.2e-3 }),
+        ("another gain", |k, x| if k < 30_000 { x } else { 1.3 * x }),
+        ("noisy", |k, x| x + 0.1e-3 * ((k / 10 % 7) as f64 - 3.0)),
+        ("not a number", |k, x| if k % 50 == 0 { f64::NAN } else { x }),
+    ];
+    for (name, lie) in lies {
+        for kind in [Kind::TwoCurves, Kind::Straight] {
+            let mut furthest = 0.0f64;
+            let (error, state) = run(
+                kind,
+                NONE,
+                120,
+                |k| k < 80_000,
+                lie,
+                |_, state| {
+                    furthest = furthest.max(f64::from(state.tracking().observer().displacement().abs()));
+                },
+            );
+            let found = state.adapted();
+            println!("{name} {kind:?}: {error:.2} %, {found:?}");
+            assert!((0.25..=4.0).contains(&found.force_scale), "{name}: {found:?}");
+            assert!(
+                found.memory.abs() <= 0.71 && found.rate.abs() <= 1.11 && found.stretch.abs() <= 0.26,
+                "{name}: {found:?}"
+            );
+            assert!(error.is_finite() && furthest < 2.0 * HIGH_M, "{name} {kind:?}: {error} %, {furthest} m");
+        }
+    }
+}

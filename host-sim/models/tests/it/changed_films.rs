@@ -1,0 +1,202 @@
+//! Films that are no longer what was recorded: stiffer, softer, faster, slower, under another load. A minute with the sensor, ten without.
+//!
+//! `SPRINGPOT_SWEEP=full cargo test --release -p host-models --test it changed_films -- --nocapture` prints the table of docs/results.md; the
+//! default runs some rows of the film that its law describes. The bench is the default one.
+
+use std::f64::consts::TAU;
+
+use host_io::files::parameters::Parameters;
+use host_io::grid::Grid;
+use host_models::fit::settings::CurveChoice;
+use host_models::references::minimum_jerk;
+use host_models::replay::memory::Precision;
+use host_models::simulation::closed_loop::{self, BenchModel};
+use host_models::simulation::controllers::{self, ControllerKind, ControllerSettings};
+use host_models::simulation::film::{self, Film};
+use host_models::simulation::plant::{Mismatch, NonlinearPlant, Plant};
+use rayon::prelude::*;
+use springpot::{CommandLimits, GRAVITY, Maxwell, ObserverOptions, Preload, Springpot};
+
+use crate::hours::Kind;
+use crate::plants::{BlendedFilm, Change, LITTLE_CREEP, MUCH_CREEP, Stiffening, StiffeningFilm};
+use crate::sweep::full_sweep;
+use crate::{measured_curve, two_curves};
+
+const RATE_HZ: f64 = 1000.0;
+const LOST_S: (f64, f64) = (60.0, 660.0);
+
+/// A film, and the law that was fitted to it: of hossain with two curves to half an hour and twice 155 s, of the others as for hours and hertz.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Changing {
+    Hossain,
+    Wang,
+    LittleCreep,
+    MuchCreep,
+    /// Films that their laws describe exactly.
+    Springpot,
+    TwoCurves,
+}
+
+const ALL: [Changing; 6] = [
+    Changing::Hossain,
+    Changing::Wang,
+    Changing::LittleCreep,
+    Changing::MuchCreep,
+    Changing::Springpot,
+    Changing::TwoCurves,
+];
+
+impl Changing {
+    fn is_described(self) -> bool {
+        matches!(self, Self::Springpot | Self::TwoCurves)
+    }
+
+    fn parameters(self) -> Parameters {
+        match self {
+            Self::Hossain => {
+                let mut observations = vec![two_curves::of_finite_strain(6e3, 0.1, 1800.0, 100)];
+                observations.extend([1.0 / 7.0, 0.2].map(|hz| two_curves::of_finite_strain(6e3, hz, 155.0, 10)));
+                two_curves::fitted(&observations, CurveChoice::Two)
+            }
+            Self::Wang => Kind::Wang.parameters(),
+            Self::LittleCreep => Kind::LittleCreep.parameters(),
+            Self::MuchCreep => Kind::MuchCreep.parameters(),
+            Self::Springpot => settled(measured_curve::film()),
+            Self::TwoCurves => settled(two_curves::parsed(two_curves::FILE).expect("valid")),
+        }
+    }
+
+    /// Lowest and highest displacement of the reference, m.
+    fn stroke_m(self) -> [f64; 2] {
+        match self {
+            Self::Hossain => [2e-3, 4e-3],
+            Self::Wang => [0.6e-3, 1.4e-3],
+            Self::LittleCreep | Self::MuchCreep => [1e-3, 2.6e-3],
+            Self::Springpot => [6e-3, 10e-3],
+            Self::TwoCurves => [1.5e-3, 3e-3],
+        }
+    }
+
+    /// Limits that leave room for a stiffer film.
+    fn limits(self) -> CommandLimits {
+        let max_voltage_v = match self {
+            Self::Hossain | Self::Wang => 8000.0,
+            Self::TwoCurves => 6500.0,
+            Self::LittleCreep | Self::MuchCreep | Self::Springpot => 4500.0,
+        };
+        CommandLimits { max_voltage_v, max_field_v_per_m: 1e8, ..CommandLimits::BENCH }
+    }
+
+    /// The film with `change` under a weight that is `load` times as heavy. Where the film does not hang on it, a constant force.
+    fn plant(self, parameters: &Parameters, change: Change, load: f64, substep_s: f64) -> Box<dyn Plant> {
+        let stiffening = |elements| {
+            let film = Stiffening::with(elements);
+            let weight_n = (load - 1.0) * film.inertia.0 * GRAVITY;
+            Box::new(StiffeningFilm::new(Stiffening { weight_n, ..film }, substep_s).changed(change))
+        };
+        let strip = |plant| {
+            let film = Film::new(plant).stiffened(change.stiffness).warmed(1.0, change.times).loaded(load);
+            // It lives as long as the test.
+            Box::new(NonlinearPlant::at_rest(Box::leak(Box::new(film)), substep_s))
+        };
+        match self {
+            Self::Hossain => strip(film::Plant::Hossain),
+            Self::Wang => strip(film::Plant::Wang),
+            Self::LittleCreep => stiffening(LITTLE_CREEP),
+            Self::MuchCreep => stiffening(MUCH_CREEP),
+            Self::Springpot | Self::TwoCurves => {
+                let mut film = BlendedFilm::at_rest(&changed(parameters, change), None, substep_s);
+                film.weight_n = (load - 1.0) * parameters.actuator.mass_kg * GRAVITY;
+                Box::new(film)
+            }
+        }
+    }
+
+    /// RMS error without the sensor, in % of peak to peak.
+    fn error_pct(self, kind: ControllerKind, parameters: &Parameters, change: Change, load: f64) -> f64 {
+        let [low_m, high_m] = self.stroke_m();
+        let grid = Grid::covering(LOST_S.1, RATE_HZ).expect("a grid");
+        let observer = ObserverOptions::at_bandwidth(0.6);
+        let limits = self.limits();
+        let settings = ControllerSettings { rate_hz: RATE_HZ, limits, observer, learning: None, peak_m: high_m };
+        let mut controller = controllers::build(kind, parameters, &settings, Precision::F32).expect("valid");
+        let mut plant = self.plant(parameters, change, load, closed_loop::substeps(grid).1);
+        let bench = BenchModel { sensor_lost_s: vec![LOST_S], ..BenchModel::default() };
+        let reference = |k: usize| {
+            let t = grid.time_s(k);
+            let swing = if t < 5.0 { 0.0 } else { 1.0 - (TAU * (t - 5.0) / 10.0).cos() };
+            low_m * minimum_jerk(t / 5.0) + 0.5 * (high_m - low_m) * swing
+        };
+        let (mut squares, mut ticks) = (0.0, 0u32);
+        closed_loop::follow(plant.as_mut(), &bench, controller.as_mut(), reference, grid, |k, tick| {
+            if grid.time_s(k) >= LOST_S.0 {
+                squares += (tick.displacement_m - tick.asked_m).powi(2);
+                ticks += 1;
+            }
+            Ok(())
+        })
+        .unwrap_or_else(|error| panic!("{self:?} {change:?}: {error}"));
+        100.0 / (high_m - low_m) * (squares / f64::from(ticks)).sqrt()
+    }
+}
+
+fn settled(mut parameters: Parameters) -> Parameters {
+    parameters.actuator.preload = Preload::Settled;
+    parameters
+}
+
+/// `parameters` with `change`. Springpots with relaxation times that are f times as long have f^α times the c.
+fn changed(parameters: &Parameters, change: Change) -> Parameters {
+    let mismatch = Mismatch { stiffness: change.stiffness, alpha: change.alpha };
+    let model = mismatch.apply(&parameters.model).expect("valid");
+    let main = Springpot::new(model.main().c * change.times.powf(model.main().alpha), model.main().alpha);
+    assert!(model.branches().is_empty(), "springpots alone");
+    let model = Maxwell::new(main, &[], model.topology(), model.mass_kg()).expect("valid");
+    let spring = parameters.spring.as_ref().map(|spring| spring.scaled(change.stiffness).expect("valid"));
+    Parameters { model, spring, ..parameters.clone() }
+}
+
+/// Tracking forgets what the film is without the sensor, apart from its scale; adaptive tracking goes on with it.
+#[test]
+fn a_film_that_has_changed_is_followed_without_its_sensor() {
+    let films = if full_sweep() { ALL.as_slice() } else { &ALL[5..] };
+    let stiffness = [0.8, 0.9, 1.1, 1.2].map(|stiffness| (Change { stiffness, ..Change::NONE }, 1.0));
+    let times = [0.5, 2.0].map(|times| (Change { times, ..Change::NONE }, 1.0));
+    let orders = [0.9, 1.1].map(|alpha| (Change { alpha, ..Change::NONE }, 1.0));
+    let loads = [0.9, 1.1].map(|load| (Change::NONE, load));
+    let mut missed = Vec::new();
+    for &film in films {
+        let parameters = film.parameters();
+        let mut changes = vec![(Change::NONE, 1.0)];
+        if full_sweep() {
+            changes.extend(stiffness.into_iter().chain(times).chain(loads));
+            changes.extend(orders.into_iter().filter(|_| film.is_described()));
+        } else {
+            changes.extend([stiffness[0], orders[1], times[1]]);
+        }
+        let most_pct = match film {
+            Changing::Springpot | Changing::TwoCurves => 0.5,
+            Changing::Hossain => 1.5,
+            // What is missed, with a margin: relaxation times that are twice as long.
+            Changing::Wang | Changing::LittleCreep => 2.2,
+            Changing::MuchCreep => 6.0,
+        };
+        let errors: Vec<[f64; 2]> = changes
+            .par_iter()
+            .map(|&(change, load)| {
+                [ControllerKind::Tracking, ControllerKind::Adaptive]
+                    .map(|kind| film.error_pct(kind, &parameters, change, load))
+            })
+            .collect();
+        for ((change, load), [tracking, adaptive]) in changes.into_iter().zip(errors) {
+            let Change { stiffness, times, alpha } = change;
+            println!(
+                "| {film:?} | stiffness {stiffness}, times {times}, order {alpha}, load {load} | {tracking:.2} | {adaptive:.2} |"
+            );
+            if adaptive > most_pct {
+                missed.push(format!("{film:?} {change:?} {load}: {adaptive:.2} %"));
+            }
+        }
+    }
+    assert!(missed.is_empty(), "{missed:#?}");
+}
