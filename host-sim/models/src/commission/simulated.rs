@@ -149,10 +149,14 @@ impl<'a> SimulatedBench<'a> {
         self.faults.iter().find(|fault| fault.kind == kind).map(|fault| fault.strength)
     }
 
+    /// Displacement of the film, m.
+    fn film_m(&self) -> f64 {
+        self.plant.displacement_m() / self.fault(FaultKind::LittleStroke).unwrap_or(1.0)
+    }
+
     /// The sensor's reading of the film as it is, m; none while it is lost.
     fn sensed_m(&mut self) -> Option<f64> {
-        let film_m = self.plant.displacement_m() / self.fault(FaultKind::LittleStroke).unwrap_or(1.0);
-        let mut x = film_m;
+        let mut x = self.film_m();
         if let Some(hz) = self.fault(FaultKind::Resonance) {
             let (omega, step_s) = (std::f64::consts::TAU * hz, 1.0 / RATE_HZ);
             let (at, speed) = &mut self.mount;
@@ -221,7 +225,7 @@ impl<'a> SimulatedBench<'a> {
             (0..substeps * (1 + more)).for_each(|_| self.plant.advance(self.film_v));
         }
         self.ticks += 1;
-        self.furthest_m = self.furthest_m.max(self.plant.displacement_m());
+        self.furthest_m = self.furthest_m.max(self.film_m());
         outputs.telemetry
     }
 
