@@ -6,7 +6,8 @@ use tests::tool::{Bench, SIZES, names, number, rows};
 
 use crate::TOOL;
 
-/// A bad bench is named, and its record, which does not pass, shows every change. An earlier record does not stay.
+/// A bad bench is named, and its record, which does not pass, shows every change. The record of another sitting
+/// stays.
 #[test]
 fn a_bad_bench_has_a_record_that_names_it_and_does_not_pass() {
     let bench = Bench::new(TOOL);
@@ -40,5 +41,8 @@ fn a_bad_bench_has_a_record_that_names_it_and_does_not_pass() {
         &["ramp.json"],
     );
     names(&bench.fails(&line.replace("leak=0.1", "rust=1")), &["rust", "sensor-scale"]);
+    names(&bench.fails(&format!("{line} --gauge 2:2.01")), &["--gauge", "2 m", "2mm:2.01mm"]);
+    names(&bench.fails(line), &["sitting/record.json", "another folder", "--from"]);
+    bench.says_no("verify sitting/record.json");
     names(&bench.fails(&line.replace("--fault leak=0.1", "--port /dev/null")), &["[board] table has no"]);
 }

@@ -31,6 +31,9 @@ use crate::terminal;
 const RECORD: &str = "record.json";
 const PAGE: &str = "record.html";
 
+/// Thickest gauge, in largest strokes: plain numbers are metres.
+const MAX_GAUGE: f64 = 20.0;
+
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     /// File with the tables `[actuator]` and `[board]`; a model need not be there.
@@ -148,6 +151,12 @@ impl Arguments {
         }
         if let Some([wanted, _]) = self.gauge {
             positive("gauge", wanted)?;
+            let stroke_m = f64::from(board.limits.max_displacement_m);
+            if wanted > MAX_GAUGE * stroke_m {
+                let cause =
+                    format!("{wanted} m where the stroke is {stroke_m} m at most: state its unit, as in 2mm:2.01mm");
+                return Err(Error::field("gauge", cause));
+            }
         }
         let steps = match (self.from, self.only) {
             (_, Some(only)) => [only, only],
@@ -176,12 +185,13 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     for file in [&record, &page] {
         output::check(file, &[Path::new(&arguments.board)], Folders::AreMade)?;
     }
+    if record.exists() && plan.steps == [Step::SelfTest, Step::Verify] {
+        let cause =
+            "the record of another sitting; begin in another folder, or go on in this one with a later step (`from`)";
+        return Err(Error::file(&record, cause));
+    }
     // Removed again if it stays empty.
     let _folder = Folder::at(&arguments.out)?;
-    // A sitting that does not end leaves no record, not even that of another one.
-    for old in [&record, &page].into_iter().filter(|old| old.exists()) {
-        std::fs::remove_file(old).map_err(|e| Error::file(old, e))?;
-    }
     let film = Film::new(arguments.bench.plant.unwrap_or(film::Plant::Hossain));
     let mut bench: Box<dyn Bench + '_> = match &arguments.bench.port {
         Some(port) => Box::new(LinkedBench::at(port)?),
@@ -199,6 +209,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
             )?)
         }
     };
+    // Steps that do not end leave no record, not even that of the steps before them.
+    for old in [&record, &page].into_iter().filter(|old| old.exists()) {
+        std::fs::remove_file(old).map_err(|e| Error::file(old, e))?;
+    }
     // From here on Ctrl-C comes to an end at 0 V.
     let stop = interrupt::live_film();
     let bar = Progress::unknown("commission");
