@@ -5,25 +5,24 @@
 
 pub mod bench;
 pub mod diagnosis;
+pub mod plan;
 pub mod ramp;
+pub mod report;
 pub mod simulated;
 pub mod verification;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use host_io::choice;
 use host_io::choice::Choice;
 use indicatif::ProgressBar;
-use serde::Serialize;
-use springpot::{Actuator, Maxwell, Springpot, Topology};
 
 use crate::error::{Error, Result};
 use crate::excitation::profile::{PartShape, Profile, ProfileOptions};
 use crate::files::output;
-use crate::files::parameters::{Board, Parameters};
+use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
-use crate::fit::{self, FitOptions};
+use crate::fit;
 use crate::grid::Grid;
 use crate::progress::Stage;
 use crate::replay::expectation::Recorded;
@@ -31,161 +30,10 @@ use crate::replay::feedforward;
 use crate::replay::memory::RunOptions;
 pub use bench::{Bench, Check, Mode, Row};
 pub use diagnosis::{Cause, Finding};
+pub use plan::{Plan, Step, provisional};
 use ramp::{Limits, Ramp};
-use verification::{MIN_SEGMENTS, Quality, Segments};
-
-choice! {
-    /// A step of commissioning.
-    #[derive(PartialOrd, Ord)]
-    pub enum Step {
-        /// The self-test of the bench, and the gauge.
-        SelfTest = "self-test",
-        /// A ramp in small steps, each predicted before it is taken.
-        Ramp = "ramp",
-        /// The excitation within what the ramp found.
-        Excite = "excite",
-        /// The fit, with the prediction of its own error.
-        Fit = "fit",
-        /// Upload, read back, compared.
-        Upload = "upload",
-        /// Random segments that the fit has not seen.
-        Verify = "verify",
-    }
-}
-
-/// The work to do.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
-    /// The film.
-    pub actuator: Actuator,
-    /// Whether its sizes are assumed.
-    pub assumed_sizes: bool,
-    /// Its bench.
-    pub board: Board,
-    /// The first and the last step.
-    pub steps: [Step; 2],
-    /// Highest frequency of the use, Hz.
-    pub band_hz: f64,
-    /// Length of the hold in the excitation, s, and cycles of each sine.
-    pub hold_s: f64,
-    /// Cycles of each sine.
-    pub cycles: u32,
-    /// Rest before the verification, s.
-    pub rest_s: f64,
-    /// Segments of the verification.
-    pub segments: usize,
-    /// Largest error of a segment that passes, without and with the sensor, %.
-    pub allowed_pct: [f64; 2],
-    /// A gauge, and how the sensor reads it, m; none where the bench has its own or none is at hand.
-    pub gauge_m: Option<[f64; 2]>,
-    /// How the recording is fitted.
-    pub fit: FitOptions,
-    /// Whether the controller returns to its old parameters at the end.
-    pub dry_run: bool,
-    /// Seed of the segments.
-    pub seed: u64,
-}
-
-impl Plan {
-    /// All steps for `actuator` on `board`.
-    pub fn new(actuator: Actuator, assumed_sizes: bool, board: Board) -> Self {
-        Self {
-            actuator,
-            assumed_sizes,
-            board,
-            steps: [Step::SelfTest, Step::Verify],
-            band_hz: 0.2,
-            hold_s: 90.0,
-            cycles: 5,
-            rest_s: 60.0,
-            segments: 60,
-            allowed_pct: [10.0, 5.0],
-            gauge_m: None,
-            fit: FitOptions::default(),
-            dry_run: false,
-            seed: 1,
-        }
-    }
-
-    /// Whether `step` is to be done.
-    pub fn has(&self, step: Step) -> bool {
-        (self.steps[0]..=self.steps[1]).contains(&step)
-    }
-}
-
-/// The verdict.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Verdict {
-    /// Whether the film follows, as far as all steps show.
-    pub passed: bool,
-    /// In one sentence.
-    pub sentence: String,
-    /// The next thing to do.
-    pub next: String,
-}
-
-/// Creep with and without compensation.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Creep {
-    /// Growth of the stroke under a constant voltage, % of it.
-    pub without_pct: f64,
-    /// Growth of the error while tracking, from the first to the last third, % of the range.
-    pub with_pct: f64,
-}
-
-/// The result.
-#[derive(Clone, Debug, Serialize)]
-pub struct Report {
-    /// The verdict.
-    pub verdict: Verdict,
-    /// Faults, that of most weight first.
-    pub findings: Vec<Finding>,
-    /// Where the bench is, and its firmware.
-    pub bench: String,
-    /// Firmware of its controller.
-    pub firmware: String,
-    /// Limits of film and bench.
-    pub limits: Limits,
-    /// Steps that were done.
-    pub steps: Vec<&'static str>,
-    /// The self-test.
-    pub self_test: Vec<Check>,
-    /// A gauge, and how the sensor read it, m.
-    pub gauge_m: Option<[f64; 2]>,
-    /// The ramp.
-    pub ramp: Option<ramp::Report>,
-    /// Largest error of feedforward along the excitation and R², by the fit.
-    pub fit: Option<FitRow>,
-    /// Checksum of the parameters that were read back.
-    pub checksum: Option<u32>,
-    /// The film without the sensor.
-    pub feedforward: Option<Quality>,
-    /// The film with it.
-    pub tracking: Option<Quality>,
-    /// Creep.
-    pub creep: Option<Creep>,
-    /// Time of the film, s.
-    pub film_s: f64,
-    /// Files that were read or written, in their order.
-    #[serde(skip)]
-    pub files: Vec<PathBuf>,
-    /// Rows of the hold and of the tracking, for the picture: time (s), displacement and reference (m).
-    #[serde(skip)]
-    pub picture: [Vec<[f64; 3]>; 2],
-}
-
-/// A fit in the record.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FitRow {
-    /// Name of its topology, and number of branches.
-    pub branches: usize,
-    /// R².
-    pub r2: f64,
-    /// Part of the stroke that it leaves, without noise, %.
-    pub misfit_pct: f64,
-    /// Its warnings.
-    pub warnings: Vec<String>,
-}
+pub use report::{FitRow, Report, Verdict};
+use verification::{Quality, Segments};
 
 /// Names of the files in the folder.
 pub const RAMP: &str = "ramp.json";
@@ -195,24 +43,6 @@ pub const RECORDING: &str = "recording.csv";
 pub const FILM: &str = "film.toml";
 /// The runs of the verification.
 pub const VERIFICATION: &str = "verification.csv";
-
-/// A film stiffer than any that the limits allow, with which a controller plays voltages to a film that is not known yet.
-///
-/// # Errors
-///
-/// [`Error`] for an actuator or limits that no model has.
-pub fn provisional(plan: &Plan) -> Result<Parameters> {
-    let limits = &plan.board.limits;
-    let largest_n = plan.actuator.electrostatic_force(limits.max_voltage_v.into());
-    let stiffness = 20.0 * largest_n / f64::from(limits.max_displacement_m);
-    let mut parameters = Parameters::preset("table3-n2")?;
-    parameters.name = "not known yet".into();
-    parameters.actuator = Actuator { stretch_coupling: 0.0, saturation_v: None, ..plan.actuator };
-    parameters.model = Maxwell::new(Springpot::new(stiffness, 0.02), &[], Topology::Parallel, plan.actuator.mass_kg)?;
-    parameters.assumed_sizes = plan.assumed_sizes;
-    parameters.board = Some(plan.board.clone());
-    Ok(parameters)
-}
 
 /// Commissions the film on `bench` as planned; files are in `folder`. `progress` is called as each begins.
 ///
@@ -259,7 +89,7 @@ pub fn commission(
     } else {
         ended?;
     }
-    course.judge();
+    course.report.judge(plan);
     Ok(course.report)
 }
 
@@ -472,7 +302,7 @@ impl Course<'_> {
             misfit_pct: recorded.map_or(f64::NAN, |recorded| 100.0 * recorded.misfit_m / stroke_m),
             warnings: fit.warnings.iter().map(ToString::to_string).collect(),
         });
-        let board = &mut self.plan.board.clone();
+        let board = &self.plan.board;
         let late_s = parameters.sensor_delay_s - f64::from(board.control.delay_s);
         if late_s > diagnosis::MAX_LAG_S {
             let measured = format!("the sensor is {:.0} ms later than stated, by the fit", 1e3 * late_s);
@@ -595,70 +425,5 @@ impl Course<'_> {
         let mut from_s = None;
         self.run(Mode::Voltage, &mut |row| (row.time_s - *from_s.get_or_insert(row.time_s) < length_s).then_some(0.0))?;
         Ok(())
-    }
-
-    /// The verdict on what was found.
-    fn judge(&mut self) {
-        let report = &mut self.report;
-        if let [hold, tracked] = &report.picture
-            && let (Some(first), Some(last)) = (hold.first(), hold.last())
-            && tracked.len() > 300
-        {
-            let error = |rows: &[[f64; 3]]| rows.iter().map(|row| row[1] - row[2]).sum::<f64>() / rows.len() as f64;
-            let third = tracked.len() / 3;
-            let range = tracked.iter().fold((f64::MAX, f64::MIN), |(l, h), row| (l.min(row[2]), h.max(row[2])));
-            let drift = error(&tracked[2 * third..]) - error(&tracked[..third]);
-            report.creep = Some(Creep {
-                without_pct: 100.0 * (last[1] - first[1]) / first[1],
-                with_pct: 100.0 * drift.abs() / (range.1 - range.0),
-            });
-        }
-        for (quality, allowed_pct, how) in [
-            (&report.feedforward, self.plan.allowed_pct[0], "without the sensor"),
-            (&report.tracking, self.plan.allowed_pct[1], "with the sensor"),
-        ] {
-            let Some(quality) = quality else { continue };
-            if quality.largest_pct > allowed_pct {
-                let measured =
-                    format!("{:.1} % RMS in the worst segment {how}, {allowed_pct} % are allowed", quality.largest_pct);
-                report.findings.push(Finding::new(Cause::Error, measured));
-            } else if quality.rms_pct > quality.predicted_pct[1].max(0.3) {
-                let measured = format!(
-                    "{:.2} % RMS {how}, predicted were at most {:.2} %: the film or the bench is not what was fitted",
-                    quality.rms_pct, quality.predicted_pct[1]
-                );
-                report.findings.push(Finding::new(Cause::Unexplained, measured));
-            }
-        }
-        let (passed, sentence, next) = match (report.findings.first(), &report.feedforward, &report.tracking) {
-            (Some(finding), ..) => (
-                false,
-                format!("not commissioned: {} ({})", finding.cause.name(), finding.measured),
-                finding.advice.into(),
-            ),
-            (None, Some(open), Some(closed)) => {
-                let creep = report.creep.map_or_else(String::new, |creep| {
-                    format!("; creep removed: {:.1} → {:.1} %", creep.without_pct, creep.with_pct)
-                });
-                let sentence = format!(
-                    "follows within {:.1} % RMS, {:.1} % without the sensor{creep}",
-                    closed.largest_pct, open.largest_pct
-                );
-                let missing = [
-                    (report.steps.len() < Step::CHOICES.len(), "run all steps at once for a record that passes"),
-                    (
-                        open.segments.min(closed.segments) < MIN_SEGMENTS,
-                        "verify with at least 59 segments for a record that passes",
-                    ),
-                    (report.gauge_m.is_none(), "check the sensor with a gauge for a record that passes"),
-                ];
-                match missing.iter().find(|(is_missing, _)| *is_missing) {
-                    Some((_, what)) => (false, sentence, (*what).into()),
-                    None => (true, sentence, "play references within the stroke and the band of this record".into()),
-                }
-            }
-            (None, ..) => (false, format!("done: {}", report.steps.join(", ")), "go on with the next step".into()),
-        };
-        report.verdict = Verdict { passed, sentence, next };
     }
 }
