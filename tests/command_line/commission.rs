@@ -42,6 +42,8 @@ fn a_bad_bench_has_a_record_that_names_it_and_does_not_pass() {
     );
     names(&bench.fails(&line.replace("leak=0.1", "rust=1")), &["rust", "sensor-scale"]);
     names(&bench.fails(&format!("{line} --gauge 2:2.01")), &["--gauge", "2 m", "2mm:2.01mm"]);
+    names(&bench.fails(&format!("{line} --entry serial=A18")), &["--entry", "serial", "twice"]);
+    names(&bench.fails(&line.replace("serial=A17", "=A17")), &["--entry", "no name"]);
     names(&bench.fails(line), &["sitting/record.json", "another folder", "--from"]);
     bench.says_no("verify sitting/record.json");
     names(&bench.fails(&line.replace("--fault leak=0.1", "--port /dev/null")), &["[board] table has no"]);

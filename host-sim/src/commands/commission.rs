@@ -12,7 +12,7 @@ use super::link::LinkedBench;
 use super::{Verdict, with_flags};
 use crate::choice::Choice;
 use crate::commission::simulated::{Fault, FaultKind, SimulatedBench};
-use crate::commission::{self, Bench, Plan, Report, Step};
+use crate::commission::{self, Bench, Finding, Plan, Report, Step};
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folder, Folders};
 use crate::files::parameters::Parameters;
@@ -102,7 +102,11 @@ fn pair(text: &str, between: char) -> std::result::Result<(&str, &str), String> 
 }
 
 fn entry(text: &str) -> std::result::Result<(String, String), String> {
-    pair(text, '=').map(|(name, value)| (name.trim().to_owned(), value.trim().to_owned()))
+    let (name, value) = pair(text, '=')?;
+    match name.trim() {
+        "" => Err("the entry has no name".into()),
+        name => Ok((name.to_owned(), value.trim().to_owned())),
+    }
 }
 
 fn gauge(text: &str) -> std::result::Result<[f64; 2], String> {
@@ -157,6 +161,11 @@ impl Arguments {
                     format!("{wanted} m where the stroke is {stroke_m} m at most: state its unit, as in 2mm:2.01mm");
                 return Err(Error::field("gauge", cause));
             }
+        }
+        let mut names: Vec<&str> = self.entry.iter().map(|(name, _)| name.as_str()).collect();
+        names.sort_unstable();
+        if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(Error::field("entry", format!("{:?} is stated twice", twice[0])));
         }
         let steps = match (self.from, self.only) {
             (_, Some(only)) => [only, only],
@@ -241,7 +250,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
 
 fn text(report: &Report, record: &Path) -> String {
     let mut text = format!("{}\n{}", report.verdict.sentence, report.verdict.next);
-    for finding in report.findings.iter().skip(1) {
+    // One line for one cause; the record has all.
+    let is_new = |(k, finding): &(usize, &Finding)| report.findings[..*k].iter().all(|f| f.cause != finding.cause);
+    for (_, finding) in report.findings.iter().enumerate().skip(1).filter(is_new) {
         let _ = write!(text, "\nalso {}: {}; {}", finding.cause.name(), finding.measured, finding.advice);
     }
     let passed = if report.verdict.passed { "passes" } else { "does not pass" };
