@@ -234,7 +234,7 @@ fn compare_prints_every_baseline() {
 #[test]
 fn study_repeats_the_paper() {
     // Pattern search takes tens of thousands of steps: few samples keep it short.
-    let (bench, files) = bench("hossain", if full_sweep() { 10 } else { 60 });
+    let (bench, files) = bench("hossain", if full_sweep() { 10 } else { 100 });
     let report = bench.json(&format!("study --out study {files}"));
     let fits = rows(&report["fits"]);
     // (n = 1…5 together, and each of three alone) × two methods × two topologies.

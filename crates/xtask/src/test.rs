@@ -94,11 +94,13 @@ pub fn run() -> Result<()> {
         stages.run("packages", packages::run)?;
         stages.run("test builds", || {
             run_command(tests(&format!("{QEMU} --no-run")))?;
+            run_command(tests(&format!("{LINK} --no-run")))?;
             micromath("--no-run")
         })
     })?;
-    // One program after another, so that neither emulators nor boards that tick in real time share the machine with fits.
-    stages.run("tests, firmware in QEMU included", || run_command(tests(QEMU)))?;
+    stages.run_beside(("tests over the link", || run_command(tests(LINK))), |stages| {
+        stages.run("tests, firmware in QEMU included", || run_command(tests(QEMU)))
+    })?;
     stages.run("tests with micromath", || micromath(""))?;
     if !cfg!(all(target_arch = "x86_64", target_os = "linux")) {
         println!("\nnot run here: board-on-host, whose models of registers need Linux on x86-64");
@@ -113,9 +115,11 @@ pub fn sweep() -> Result<()> {
     let toolchain = stages.run("tools", setup::run)?;
     stages.run("firmware images", || firmware::images(&toolchain))?;
     stages.run("tests, all cases", || {
-        let mut tests = tests(QEMU);
-        tests.env(SWEEP, "full");
-        run_command(tests)
+        [LINK, QEMU].into_iter().try_for_each(|options| {
+            let mut tests = tests(options);
+            tests.env(SWEEP, "full");
+            run_command(tests)
+        })
     })?;
     stages.print();
     Ok(())
@@ -123,6 +127,9 @@ pub fn sweep() -> Result<()> {
 
 /// The tests that run the firmware's images.
 pub const QEMU: &str = "--features tests/qemu";
+
+/// Those of boards that tick in real time, which mostly wait.
+const LINK: &str = "--features tests/qemu --test link_commands";
 
 /// The tests of the workspace, more at a time than two cores can run: those of boards and emulators mostly wait.
 fn tests(options: &str) -> Command {
@@ -155,7 +162,7 @@ fn lint() -> Result<()> {
     for folder in WITHOUT_TESTS {
         no_tests_in(&root().join(folder))?;
     }
-    run_command(cargo(&format!("clippy --quiet --workspace --all-targets {QEMU} -- -D warnings")))
+    run_command(cargo(&format!("clippy --quiet --workspace --all-targets {LINK} -- -D warnings")))
 }
 
 fn no_tests_in(folder: &Path) -> Result<()> {

@@ -194,7 +194,7 @@ fn fault(fit: &Fit) -> Option<String> {
 
 #[test]
 fn a_random_fit_states_its_agreement_or_is_refused() {
-    let cases = if full_sweep() { 10_000 } else { 20 };
+    let cases = if full_sweep() { 10_000 } else { 12 };
     let mut fits = 0;
     let mut faults = Vec::new();
     for seed in 0..cases {

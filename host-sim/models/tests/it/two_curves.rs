@@ -26,7 +26,7 @@ use springpot::{Actuator, CommandLimits, Discretisation, Law, Load, Maxwell, Pre
 use crate::sweep::full_sweep;
 use crate::{curves, fitting};
 
-const RATE_HZ: f64 = 200.0;
+const RATE_HZ: f64 = 100.0;
 
 pub(crate) const FILE: &str = r#"schema = 3
 name = "two curves"
