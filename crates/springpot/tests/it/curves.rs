@@ -1,74 +1,17 @@
-//! Laws behind an elastic curve, against nonlinear full-memory solutions, closed forms and the plain law.
+//! Elastic curves, and laws behind one, against closed forms and the plain law.
 
 use std::f64::consts::TAU;
 
 use springpot::{
     Actuator, ActuatorError, Applied, CommandLimits, Curve, CurveError, Discretisation, Feedforward, Knot, Law,
     LawError, LawOptions, LawState, Limited, Load, Maxwell, Measure, Observer, ObserverOptions, Real, Rubber,
-    SensorSample, Springpot, Topology, VoltageDrive,
+    SensorSample, VoltageDrive,
 };
 
-use crate::support::bent_films::{Bent, STEP_S, film, run};
-use crate::support::relative_rms;
-
-/// The coefficients of x + a x² + b x³: stiffer by 2.4 at 3 mm.
-const BEND: [f64; 2] = [150.0, 1.9e4];
-const GAMMA_0_8: f64 = 1.164_229_713_725_303;
-
-fn bent(x: f64) -> f64 {
-    x + BEND[0] * x * x + BEND[1] * x * x * x
-}
-
-fn bent_slope(x: f64) -> f64 {
-    1.0 + 2.0 * BEND[0] * x + 3.0 * BEND[1] * x * x
-}
-
-/// A cubic is one piece of a curve; here it is cut into `pieces`.
-fn cubic(low: f64, high: f64, pieces: usize) -> Curve {
-    let knots: Vec<Knot<f64>> = (0..=pieces)
-        .map(|k| low + (high - low) * k as f64 / pieces as f64)
-        .map(|x| Knot { displacement: x, value: bent(x), slope: bent_slope(x) })
-        .collect();
-    Curve::new(&knots).expect("rises")
-}
+use crate::support::bent_films::{STEP_S, bent_slope, cubic, film};
 
 fn law<T: Real>(model: &Maxwell) -> Law<T> {
     Law::compressed(model, LawOptions::at_step(STEP_S)).expect("a law")
-}
-
-fn load(k: usize) -> f64 {
-    let t = k as f64 * STEP_S;
-    20.0 * (1.0 - (TAU * 0.8 * t).cos()) * (1.0 - (-t / 0.3).exp())
-}
-
-/// The film of `model` behind the cubic.
-fn by_the_sum(model: &Maxwell, force: impl Fn(usize, f64) -> f64, samples: usize) -> Vec<f64> {
-    behind(model).by_the_sum(force, samples)
-}
-
-fn behind(model: &Maxwell) -> Bent<'_> {
-    Bent { model, strain: &bent, resists: &|_, memory| memory }
-}
-
-#[test]
-fn creep_behind_a_curve_is_that_of_the_nonlinear_sum() {
-    const SAMPLES: usize = 4000;
-    for (mass_kg, coupling) in [(0.3, 0.0), (0.0, 0.0), (0.1, 60.0)] {
-        let model = film(mass_kg);
-        let exact = by_the_sum(&model, |k, x| load(k) * (1.0 + coupling * x), SAMPLES);
-        let largest = exact.iter().copied().fold(0.0, f64::max);
-        assert!(largest > 2e-3 && bent(largest) > 1.4 * largest, "the curve matters: {largest}");
-        let load = |k| Load { force_n: load(k), slope_n_per_m: load(k) * coupling };
-        for pieces in [1, 7, 16] {
-            let curve = cubic(-0.5e-3, 5e-3, pieces);
-            let wide: Law<f64> = law(&model).behind(&curve).expect("a law");
-            let error = relative_rms(&run(&wide, load, SAMPLES), &exact);
-            assert!(error < 3e-6, "{mass_kg} kg, {pieces} pieces: {error:e}");
-            let single: Law<f32> = law(&model).behind(&curve).expect("a law");
-            let error = relative_rms(&run(&single, load, SAMPLES), &exact);
-            assert!(error < 4e-6, "{mass_kg} kg, {pieces} pieces in f32: {error:e}");
-        }
-    }
 }
 
 #[test]
@@ -89,124 +32,6 @@ fn a_jump_of_the_force_leaves_no_error_behind() {
         assert!(k % 250 < 40 || error < 1e-8, "step {k}: {error:e}");
     }
     assert!(largest > 1e-3, "the jumps are large: {largest:e}");
-}
-
-#[test]
-fn relaxation_behind_a_curve_has_the_closed_form() {
-    // A springpot of order 0.2 held at x: c T(x) t^−0.2 / Γ(0.8).
-    let model = Maxwell::new(Springpot::new(5e3, 0.2), &[], Topology::Eq11, 0.0).expect("valid");
-    let law: Law<f64> = law(&model).behind(&cubic(-1e-3, 5e-3, 5)).expect("a law");
-    let mut state = law.state();
-    for k in 1..=20_000 {
-        let force = law.force(&mut state, 3.1e-3);
-        if k >= 2000 {
-            let t = (k as f64 - 0.5) * STEP_S;
-            let exact = 5e3 * bent(3.1e-3) * t.powf(-0.2) / GAMMA_0_8;
-            assert!((force / exact - 1.0).abs() < 1e-4, "step {k}: {force} instead of {exact}");
-        }
-    }
-}
-
-#[test]
-fn both_directions_return_each_other() {
-    let law: Law<f64> = law(&film(0.3)).behind(&cubic(-0.5e-3, 5e-3, 9)).expect("a law");
-    let (mut forwards, mut backwards) = (law.state(), law.state());
-    for k in 0..5000 {
-        let x = law.displacement(&mut forwards, load(k));
-        let ahead = law.force_to(&backwards, x);
-        let force = law.force(&mut backwards, x);
-        assert_eq!(ahead, force);
-        // T is exact backwards and linearised forwards.
-        assert!((force - load(k)).abs() < 2e-3, "step {k}: {force} instead of {}", load(k));
-    }
-    // By the change of the increment the inverse is exact to rounding.
-    let mut state = law.state();
-    for k in 0..5000 {
-        let force = load(k);
-        let mut next = state.clone();
-        law.displacement(&mut next, force);
-        let change = next.increment() - state.increment();
-        assert!((law.force_for(&state, change) - force).abs() < 1e-8);
-        state = next;
-    }
-}
-
-#[test]
-fn a_straight_curve_is_no_curve() {
-    let straight = Curve::through(&[(-1e-3, -1e-3), (1e-3, 1e-3), (4e-3, 4e-3)]).expect("rises");
-    assert!((straight.slope(2e-3) - 1.0).abs() < 1e-15);
-    for mass_kg in [0.0, 0.3] {
-        let plain: Law<f64> = law(&film(mass_kg));
-        let behind = plain.clone().behind(&straight).expect("a law");
-        let load = |k| Load { force_n: load(k), slope_n_per_m: 0.1 * load(k) };
-        assert!(relative_rms(&run(&behind, load, 4000), &run(&plain, load, 4000)) < 1e-9);
-    }
-}
-
-#[test]
-fn a_curve_serves_the_discretisation_of_second_order_as_well() {
-    // Small changes of the step: the error against a fine solution falls with its square.
-    let model = film(0.3);
-    let curve = cubic(-0.5e-3, 5e-3, 4);
-    let at = |step_s: f64, method| -> f64 {
-        let options = LawOptions::at_step(step_s).with_method(method);
-        let law: Law<f64> = Law::compressed(&model, options).and_then(|law| law.behind(&curve)).expect("a law");
-        let mut state = law.state();
-        let steps = (2.0 / step_s).round() as usize;
-        for k in 1..=steps {
-            let t = k as f64 * step_s;
-            let smooth = (t / 2.0).powi(3) * (10.0 - 15.0 * t / 2.0 + 6.0 * (t / 2.0).powi(2));
-            law.displacement(&mut state, 40.0 * smooth);
-        }
-        state.position()
-    };
-    let exact = at(1.25e-4, Discretisation::Bdf2);
-    let errors = [8e-3, 4e-3, 2e-3].map(|step_s| (at(step_s, Discretisation::Bdf2) / exact - 1.0).abs());
-    for pair in errors.windows(2) {
-        let order = (pair[0] / pair[1]).log2();
-        assert!((1.7..2.4).contains(&order), "{errors:?}");
-    }
-    assert!((at(2e-3, Discretisation::Gl) / exact - 1.0).abs() > 10.0 * errors[2]);
-}
-
-#[test]
-fn coefficients_carry_the_curve_and_give_the_same_bits() {
-    for method in [Discretisation::Gl, Discretisation::Bdf2] {
-        let model = film(0.3);
-        let options = LawOptions::at_step(STEP_S).with_method(method);
-        let law: Law<f32> = Law::compressed(&model, options).expect("a law");
-        let law = law.behind(&cubic(-0.5e-3, 5e-3, 11)).expect("a law");
-        let coefficients = law.coefficients();
-        assert_eq!(coefficients.curve.len(), 12);
-        let received = Law::from_coefficients(&coefficients, STEP_S, model.mass_kg()).expect("a law");
-        assert_eq!(received, law);
-        let load = |k| Load { force_n: load(k), slope_n_per_m: 0.0 };
-        assert_eq!(run(&received, load, 1000), run(&law, load, 1000));
-    }
-}
-
-#[test]
-fn a_film_that_hung_under_a_load_is_where_stepping_brings_it() {
-    let model = film(0.0);
-    let curve = cubic(-0.5e-3, 5e-3, 6);
-    let law: Law<f64> = law(&model).behind(&curve).expect("a law");
-    let mut stepped = law.state();
-    law.warm_up(&mut stepped, (0..20_000).map(|_| 25.0));
-    let mut settled = law.settled(25.0, 20.0);
-    assert!((settled.position() / stepped.position() - 1.0).abs() < 1e-5);
-    assert!((settled.slope() / stepped.slope() - 1.0).abs() < 1e-5);
-    for _ in 0..1000 {
-        let x = law.displacement(&mut stepped, 15.0);
-        assert!((law.displacement(&mut settled, 15.0) - x).abs() < 1e-5 * x);
-    }
-    // A sensor that is zeroed there: the film stays where it is on its curve.
-    let origin = settled.position();
-    let mut zeroed = settled.clone();
-    zeroed.move_origin(origin);
-    for _ in 0..100 {
-        let x = law.displacement(&mut settled, 20.0);
-        assert!((law.displacement(&mut zeroed, 20.0) + origin - x).abs() < 1e-12);
-    }
 }
 
 #[test]
@@ -238,16 +63,6 @@ fn small_oscillations_have_the_response_of_the_working_point() {
         let at_rest = law.frequency_response(hz).inv();
         assert!((stated.re / at_rest.re - bent_slope(centre)).abs() < 1e-6);
     }
-}
-
-#[test]
-fn feedforward_follows_behind_a_curve_through_a_saturating_drive() {
-    let model = film(Actuator::KARNER_2022.mass_kg);
-    let actuator = Actuator { stretch_coupling: -20.0, saturation_v: Some(9000.0), ..Actuator::KARNER_2022 };
-    let curve = cubic(-0.5e-3, 3e-3, 8);
-    let law: Law<f32> = law(&model).behind(&curve).expect("a law");
-    let error = behind(&model).feedforward_error(law, &actuator, 0.6e-3, 20);
-    assert!(error < 1e-4, "{error:e}");
 }
 
 #[test]

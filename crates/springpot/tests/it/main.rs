@@ -4,6 +4,7 @@
 
 mod adaptation;
 mod amplifier;
+mod bent_laws;
 mod coarser;
 mod compressed_memory;
 mod compression_bound;

@@ -1,110 +1,19 @@
-//! Laws with two curves, F = m ẍ + E(x) + T'(x) M[T(x)], against nonlinear sums, closed forms and laws without them.
+//! Springs and strain measures, and laws with both, against closed forms and laws without them.
 
 use std::f64::consts::TAU;
 
 use proptest::prelude::*;
 use springpot::{
-    Actuator, Coefficients, Compressed, Curve, CurveError, Discretisation, Knot, Law, LawError, LawOptions, Load,
-    Maxwell, Measure, Real, Rubber, Spring, Springpot, Topology,
+    Coefficients, Compressed, Curve, CurveError, Discretisation, Knot, Law, LawError, LawOptions, Load, Maxwell,
+    Measure, Real, Rubber, Spring, Springpot, Topology,
 };
 
-use crate::support::bent_films::{Bent, STEP_S, film, run};
+use crate::support::bent_films::{STEP_S, film, hencky, load, run, spring};
 use crate::support::models::random_models;
 use crate::support::{METHODS, law_by, relative_rms};
 
-const GAMMA_0_8: f64 = 1.164_229_713_725_303;
-const LENGTH_M: f64 = 0.02;
-
 fn law<T: Real>(model: &Maxwell, method: Discretisation) -> Law<T> {
     law_by(model, 1.0 / STEP_S, method)
-}
-
-/// 6 kN/m at rest, softer, then stiffer: a cubic, which is one piece or several.
-fn elastic(x: f64) -> [f64; 2] {
-    [6e3 * x * (1.0 - 150.0 * x + 3e4 * x * x), 6e3 * (1.0 - 300.0 * x + 9e4 * x * x)]
-}
-
-fn spring(pieces: usize) -> Spring {
-    let knots: Vec<Knot<f64>> = (0..=pieces)
-        .map(|k| -1e-3 + 7e-3 * k as f64 / pieces as f64)
-        .map(|x| Knot { displacement: x, value: elastic(x)[0], slope: elastic(x)[1] })
-        .collect();
-    Spring::new(&knots).expect("valid")
-}
-
-/// Hencky's strain of a short film: T'' matters.
-fn hencky() -> Curve {
-    Measure { exponent: 0.0, length_m: LENGTH_M }.curve(-1e-3, 6e-3).expect("rises")
-}
-
-fn strain(x: f64) -> [f64; 2] {
-    [LENGTH_M * (x / LENGTH_M).ln_1p(), 1.0 / (1.0 + x / LENGTH_M)]
-}
-
-fn load(k: usize) -> f64 {
-    let t = k as f64 * STEP_S;
-    25.0 * (1.0 - (TAU * 0.8 * t).cos()) * (1.0 - (-t / 0.3).exp())
-}
-
-/// The film of `model` in Hencky's strain beside the spring.
-fn by_the_sum(model: &Maxwell, force: impl Fn(usize, f64) -> f64, samples: usize) -> Vec<f64> {
-    beside(model, |film| film.by_the_sum(force, samples))
-}
-
-fn beside<R>(model: &Maxwell, work: impl FnOnce(Bent<'_>) -> R) -> R {
-    // As its pieces are: 4e-6 from the formula in the slope.
-    let measure = hencky();
-    work(Bent { model, strain: &|x| measure.value(x), resists: &|x, memory| elastic(x)[0] + measure.slope(x) * memory })
-}
-
-#[test]
-fn creep_beside_a_spring_is_that_of_the_nonlinear_sum() {
-    const SAMPLES: usize = 4000;
-    for (mass_kg, coupling) in [(0.3, 0.0), (0.0, 0.0), (0.1, 60.0)] {
-        let model = film(mass_kg);
-        let exact = by_the_sum(&model, |k, x| load(k) * (1.0 + coupling * x), SAMPLES);
-        let largest = exact.iter().copied().fold(0.0, f64::max);
-        assert!(largest > 2e-3 && largest < 6e-3 && strain(largest)[1] < 0.92, "the curves matter: {largest}");
-        let load = |k| Load { force_n: load(k), slope_n_per_m: load(k) * coupling };
-        for pieces in [1, 8] {
-            let wide: Law<f64> = law(&model, Discretisation::Gl).beside(&spring(pieces), &hencky()).expect("a law");
-            let error = relative_rms(&run(&wide, load, SAMPLES), &exact);
-            assert!(error < 3e-6, "{mass_kg} kg, {pieces} pieces: {error:e}");
-            let single: Law<f32> = law(&model, Discretisation::Gl).beside(&spring(pieces), &hencky()).expect("a law");
-            let error = relative_rms(&run(&single, load, SAMPLES), &exact);
-            assert!(error < 4e-6, "{mass_kg} kg, {pieces} pieces in f32: {error:e}");
-        }
-    }
-}
-
-#[test]
-fn relaxation_beside_a_spring_has_the_closed_form() {
-    // A springpot of order 0.2 held at x: E(x) + T'(x) c T(x) t^−0.2 / Γ(0.8).
-    let model = Maxwell::new(Springpot::new(5e3, 0.2), &[], Topology::Eq11, 0.0).expect("valid");
-    let law: Law<f64> = law(&model, Discretisation::Gl).beside(&spring(5), &hencky()).expect("a law");
-    let mut state = law.state();
-    let x = 3.1e-3;
-    let [value, slope] = strain(x);
-    for k in 1..=20_000 {
-        let force = law.force(&mut state, x);
-        if k >= 2000 {
-            let t = (k as f64 - 0.5) * STEP_S;
-            let exact = elastic(x)[0] + slope * 5e3 * value * t.powf(-0.2) / GAMMA_0_8;
-            assert!((force / exact - 1.0).abs() < 1e-4, "step {k}: {force} instead of {exact}");
-        }
-    }
-}
-
-#[test]
-fn no_spring_and_no_measure_are_the_law_by_itself() {
-    let straight = Measure { exponent: 1.0, length_m: 1.0 }.curve(-1e-3, 6e-3).expect("rises");
-    let none = Spring::linear(0.0).expect("valid");
-    for (mass_kg, method) in [0.0, 0.3].into_iter().flat_map(|mass_kg| METHODS.map(|method| (mass_kg, method))) {
-        let plain: Law<f64> = law(&film(mass_kg), method);
-        let two = plain.clone().beside(&none, &straight).expect("a law");
-        let load = |k| Load { force_n: load(k), slope_n_per_m: 0.1 * load(k) };
-        assert!(relative_rms(&run(&two, load, 4000), &run(&plain, load, 4000)) < 1e-9);
-    }
 }
 
 #[test]
@@ -129,65 +38,11 @@ fn a_linear_spring_is_one_of_the_model() {
 }
 
 #[test]
-fn both_directions_return_each_other() {
-    let law: Law<f64> = law(&film(0.3), Discretisation::Bdf2).beside(&spring(7), &hencky()).expect("a law");
-    let (mut forwards, mut backwards, mut state) = (law.state(), law.state(), law.state());
-    for k in 0..5000 {
-        let x = law.displacement(&mut forwards, load(k));
-        let ahead = law.force_to(&backwards, x);
-        let force = law.force(&mut backwards, x);
-        assert_eq!(ahead, force);
-        // The curves are exact backwards and linearised forwards.
-        assert!((force - load(k)).abs() < 2e-3, "step {k}: {force} instead of {}", load(k));
-
-        // By the change of the increment the inverse is exact to rounding.
-        let mut next = state.clone();
-        law.displacement(&mut next, load(k));
-        let change = next.increment() - state.increment();
-        assert!((law.force_for(&state, change) - load(k)).abs() < 1e-8);
-        state = next;
-    }
-}
-
-#[test]
-fn two_curves_serve_the_discretisation_of_second_order_as_well() {
-    // Small changes of the step: the error against a fine solution falls with its square.
-    let model = film(0.3);
-    let at = |step_s: f64, method| -> f64 {
-        let options = LawOptions::at_step(step_s).with_method(method);
-        let law: Law<f64> =
-            Law::compressed(&model, options).and_then(|law| law.beside(&spring(4), &hencky())).expect("a law");
-        let mut state = law.state();
-        let steps = (2.0 / step_s).round() as usize;
-        for k in 1..=steps {
-            let t = k as f64 * step_s;
-            let smooth = (t / 2.0).powi(3) * (10.0 - 15.0 * t / 2.0 + 6.0 * (t / 2.0).powi(2));
-            law.displacement(&mut state, 60.0 * smooth);
-        }
-        state.position()
-    };
-    let exact = at(1.25e-4, Discretisation::Bdf2);
-    let errors = [8e-3, 4e-3, 2e-3].map(|step_s| (at(step_s, Discretisation::Bdf2) / exact - 1.0).abs());
-    for pair in errors.windows(2) {
-        let order = (pair[0] / pair[1]).log2();
-        assert!((1.7..2.4).contains(&order), "{errors:?}");
-    }
-    assert!((at(2e-3, Discretisation::Gl) / exact - 1.0).abs() > 10.0 * errors[2]);
-}
-
-#[test]
-fn coefficients_carry_both_curves_and_give_the_same_bits() {
+fn coefficients_of_a_spring_that_falls_too_steeply_are_refused() {
     for method in METHODS {
         let model = film(0.3);
         let law: Law<f32> = law::<f32>(&model, method).beside(&spring(5), &hencky()).expect("a law");
         let coefficients = law.coefficients();
-        assert!(coefficients.has_spring());
-        assert_eq!(coefficients.curve.len(), 9 + 6);
-        let received = Law::from_coefficients(&coefficients, STEP_S, model.mass_kg()).expect("a law");
-        assert_eq!(received, law);
-        let load = |k| Load { force_n: load(k), slope_n_per_m: 0.0 };
-        assert_eq!(run(&received, load, 1000), run(&law, load, 1000));
-
         // A curve alone has no spring, and a spring that falls too steeply is refused from numbers as well.
         let alone = self::law::<f32>(&model, method).behind(&hencky()).expect("a law").coefficients();
         assert!(!alone.has_spring());
@@ -203,29 +58,6 @@ fn coefficients_carry_both_curves_and_give_the_same_bits() {
         lonely.curve.truncate(10);
         let refused = Law::from_coefficients(&lonely, STEP_S, 0.0).err();
         assert_eq!(refused, Some(LawError::Curve(CurveError::Knots(1))));
-    }
-}
-
-#[test]
-fn a_film_that_hung_under_a_load_is_where_stepping_brings_it() {
-    let model = film(0.0);
-    let law: Law<f64> = law(&model, Discretisation::Gl).beside(&spring(6), &hencky()).expect("a law");
-    let mut stepped = law.state();
-    law.warm_up(&mut stepped, (0..20_000).map(|_| 25.0));
-    let mut settled = law.settled(25.0, 20.0);
-    assert!((settled.position() / stepped.position() - 1.0).abs() < 1e-5);
-    assert!((settled.slope() / stepped.slope() - 1.0).abs() < 1e-5);
-    for _ in 0..1000 {
-        let x = law.displacement(&mut stepped, 15.0);
-        assert!((law.displacement(&mut settled, 15.0) - x).abs() < 1e-5 * x);
-    }
-    // A sensor that is zeroed there: the film stays where it is on its curves.
-    let origin = settled.position();
-    let mut zeroed = settled.clone();
-    zeroed.move_origin(origin);
-    for _ in 0..100 {
-        let x = law.displacement(&mut settled, 20.0);
-        assert!((law.displacement(&mut zeroed, 20.0) + origin - x).abs() < 1e-12);
     }
 }
 
@@ -249,15 +81,6 @@ fn the_slope_is_that_of_slow_changes() {
         let (stiffness, slope) = amplitude(centre);
         assert!((stiffness / at_rest / slope - 1.0).abs() < 0.03, "{centre}: {stiffness} of {at_rest}, {slope}");
     }
-}
-
-#[test]
-fn feedforward_follows_a_film_with_two_curves() {
-    let model = film(Actuator::KARNER_2022.mass_kg);
-    let actuator = Actuator { stretch_coupling: 30.0, saturation_v: Some(9000.0), ..Actuator::KARNER_2022 };
-    let law: Law<f32> = law(&model, Discretisation::Gl).beside(&spring(8), &hencky()).expect("a law");
-    let error = beside(&model, |film| film.feedforward_error(law, &actuator, 1.2e-3, 40));
-    assert!(error < 1e-4, "{error:e}");
 }
 
 #[test]

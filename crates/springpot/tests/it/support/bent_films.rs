@@ -2,7 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, Load, Maxwell, Real, Springpot, Topology};
+use springpot::{
+    Actuator, Applied, CommandLimits, Curve, Feedforward, Knot, Law, Load, Maxwell, Measure, Real, Spring, Springpot,
+    Topology,
+};
 
 use super::defining_sum::modulus_series;
 use super::relative_rms;
@@ -13,6 +16,56 @@ pub const STEP_S: f64 = 1e-3;
 pub fn film(mass_kg: f64) -> Maxwell {
     let sp = Springpot::new;
     Maxwell::new(sp(9e3, 0.2), &[[sp(1.1e4, 0.0), sp(9e3, 0.9)]], Topology::Parallel, mass_kg).expect("valid")
+}
+
+/// The coefficients of x + a x² + b x³: stiffer by 2.4 at 3 mm.
+const BEND: [f64; 2] = [150.0, 1.9e4];
+
+pub fn bent(x: f64) -> f64 {
+    x + BEND[0] * x * x + BEND[1] * x * x * x
+}
+
+pub fn bent_slope(x: f64) -> f64 {
+    1.0 + 2.0 * BEND[0] * x + 3.0 * BEND[1] * x * x
+}
+
+/// Knots of a cubic with this value and slope, which is one piece or several.
+fn knots(low: f64, high: f64, pieces: usize, at: impl Fn(f64) -> [f64; 2]) -> Vec<Knot<f64>> {
+    (0..=pieces)
+        .map(|k| low + (high - low) * k as f64 / pieces as f64)
+        .map(|x| Knot { displacement: x, value: at(x)[0], slope: at(x)[1] })
+        .collect()
+}
+
+pub fn cubic(low: f64, high: f64, pieces: usize) -> Curve {
+    Curve::new(&knots(low, high, pieces, |x| [bent(x), bent_slope(x)])).expect("rises")
+}
+
+/// 6 kN/m at rest, softer, then stiffer.
+pub fn elastic(x: f64) -> [f64; 2] {
+    [6e3 * x * (1.0 - 150.0 * x + 3e4 * x * x), 6e3 * (1.0 - 300.0 * x + 9e4 * x * x)]
+}
+
+pub fn spring(pieces: usize) -> Spring {
+    Spring::new(&knots(-1e-3, 6e-3, pieces, elastic)).expect("valid")
+}
+
+/// Length of a short film, in whose strain the curvature of the measure matters.
+const LENGTH_M: f64 = 0.02;
+
+/// Hencky's strain of that film.
+pub fn hencky() -> Curve {
+    Measure { exponent: 0.0, length_m: LENGTH_M }.curve(-1e-3, 6e-3).expect("rises")
+}
+
+pub fn strain(x: f64) -> [f64; 2] {
+    [LENGTH_M * (x / LENGTH_M).ln_1p(), 1.0 / (1.0 + x / LENGTH_M)]
+}
+
+/// A force (N) that swings from 0 to 44 N after a soft start.
+pub fn load(k: usize) -> f64 {
+    let t = k as f64 * STEP_S;
+    22.0 * (1.0 - (TAU * 0.8 * t).cos()) * (1.0 - (-t / 0.3).exp())
 }
 
 /// A film with the memory of `model` on its `strain` (m), that resists with a force (N) of displacement and memory.

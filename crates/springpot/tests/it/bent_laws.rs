@@ -1,0 +1,205 @@
+//! Laws behind an elastic curve, and laws with two curves, F = m ẍ + E(x) + T'(x) M[T(x)], against nonlinear sums, closed forms and the plain law.
+
+use springpot::{
+    Actuator, Curve, Discretisation, Law, LawOptions, Load, Maxwell, Measure, Real, Spring, Springpot, Topology,
+};
+
+use crate::support::bent_films::{Bent, STEP_S, bent, cubic, elastic, film, hencky, load, run, spring, strain};
+use crate::support::{METHODS, relative_rms};
+
+const GAMMA_0_8: f64 = 1.164_229_713_725_303;
+
+/// Behind the cubic, or in Hencky's strain beside the spring.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Film {
+    Behind,
+    Beside,
+}
+
+const FILMS: [Film; 2] = [Film::Behind, Film::Beside];
+
+impl Film {
+    /// The law of `model` with these curves, each in so many `pieces`.
+    fn law<T: Real>(self, model: &Maxwell, step_s: f64, method: Discretisation, pieces: usize) -> Law<T> {
+        let law = Law::compressed(model, LawOptions::at_step(step_s).with_method(method)).expect("a law");
+        let law = match self {
+            Self::Behind => law.behind(&cubic(-0.5e-3, 5e-3, pieces)),
+            Self::Beside => law.beside(&spring(pieces), &hencky()),
+        };
+        law.expect("a law")
+    }
+
+    fn wide(self, model: &Maxwell, pieces: usize) -> Law<f64> {
+        self.law(model, STEP_S, Discretisation::Gl, pieces)
+    }
+
+    /// Gives the film of `model` to `work`, as a nonlinear sum.
+    fn summed<R>(self, model: &Maxwell, work: impl FnOnce(Bent<'_>) -> R) -> R {
+        // As its pieces are: 4e-6 from the formula in the slope.
+        let measure = hencky();
+        match self {
+            Self::Behind => work(Bent { model, strain: &bent, resists: &|_, memory| memory }),
+            Self::Beside => {
+                let resists = |x: f64, memory: f64| elastic(x)[0] + measure.slope(x) * memory;
+                work(Bent { model, strain: &|x| measure.value(x), resists: &resists })
+            }
+        }
+    }
+}
+
+#[test]
+fn creep_is_that_of_the_nonlinear_sum() {
+    const SAMPLES: usize = 4000;
+    let cases = [(0.3, 0.0), (0.0, 0.0), (0.1, 60.0)];
+    for (kind, (mass_kg, coupling)) in FILMS.into_iter().flat_map(|kind| cases.map(|case| (kind, case))) {
+        let model = film(mass_kg);
+        let exact = kind.summed(&model, |film| film.by_the_sum(|k, x| load(k) * (1.0 + coupling * x), SAMPLES));
+        let largest = exact.iter().copied().fold(0.0, f64::max);
+        let matters = if kind == Film::Behind { bent(largest) > 1.4 * largest } else { strain(largest)[1] < 0.93 };
+        assert!((1.7e-3..6e-3).contains(&largest) && matters, "the curves matter: {largest}");
+        let load = |k| Load { force_n: load(k), slope_n_per_m: load(k) * coupling };
+        let most = if kind == Film::Behind { 16 } else { 8 };
+        for pieces in [1, 7, most] {
+            let error = relative_rms(&run(&kind.wide(&model, pieces), load, SAMPLES), &exact);
+            assert!(error < 3e-6, "{kind:?}, {mass_kg} kg, {pieces} pieces: {error:e}");
+            let single: Law<f32> = kind.law(&model, STEP_S, Discretisation::Gl, pieces);
+            let error = relative_rms(&run(&single, load, SAMPLES), &exact);
+            assert!(error < 4e-6, "{kind:?}, {mass_kg} kg, {pieces} pieces in f32: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn relaxation_has_the_closed_form() {
+    // A springpot of order 0.2 held at x: E(x) + T'(x) c T(x) t^−0.2 / Γ(0.8).
+    let model = Maxwell::new(Springpot::new(5e3, 0.2), &[], Topology::Eq11, 0.0).expect("valid");
+    let x = 3.1e-3;
+    let [value, slope] = strain(x);
+    for (kind, spring_n, memory_m) in [(Film::Behind, 0.0, bent(x)), (Film::Beside, elastic(x)[0], slope * value)] {
+        let law = kind.wide(&model, 5);
+        let mut state = law.state();
+        for k in 1..=20_000 {
+            let force = law.force(&mut state, x);
+            let t = (f64::from(k) - 0.5) * STEP_S;
+            let exact = spring_n + 5e3 * memory_m * t.powf(-0.2) / GAMMA_0_8;
+            assert!(k < 2000 || (force / exact - 1.0).abs() < 1e-4, "{kind:?}, step {k}: {force} instead of {exact}");
+        }
+    }
+}
+
+#[test]
+fn both_directions_return_each_other() {
+    for (kind, method) in FILMS.into_iter().flat_map(|kind| METHODS.map(|method| (kind, method))) {
+        let law: Law<f64> = kind.law(&film(0.3), STEP_S, method, 7);
+        let (mut forwards, mut backwards, mut state) = (law.state(), law.state(), law.state());
+        for k in 0..5000 {
+            let x = law.displacement(&mut forwards, load(k));
+            let ahead = law.force_to(&backwards, x);
+            let force = law.force(&mut backwards, x);
+            assert_eq!(ahead, force);
+            // The curves are exact backwards and linearised forwards.
+            assert!((force - load(k)).abs() < 2e-3, "{kind:?}, step {k}: {force} instead of {}", load(k));
+
+            // By the change of the increment the inverse is exact to rounding.
+            let mut next = state.clone();
+            law.displacement(&mut next, load(k));
+            let change = next.increment() - state.increment();
+            assert!((law.force_for(&state, change) - load(k)).abs() < 1e-8);
+            state = next;
+        }
+    }
+}
+
+#[test]
+fn straight_curves_and_no_spring_are_the_law_by_itself() {
+    let straight = Curve::through(&[(-1e-3, -1e-3), (1e-3, 1e-3), (4e-3, 4e-3)]).expect("rises");
+    assert!((straight.slope(2e-3) - 1.0).abs() < 1e-15);
+    let measure = Measure { exponent: 1.0, length_m: 1.0 }.curve(-1e-3, 6e-3).expect("rises");
+    let none = Spring::linear(0.0).expect("valid");
+    let load = |k| Load { force_n: load(k), slope_n_per_m: 0.1 * load(k) };
+    for (mass_kg, method) in [0.0, 0.3].into_iter().flat_map(|mass_kg| METHODS.map(|method| (mass_kg, method))) {
+        let plain: Law<f64> =
+            Law::compressed(&film(mass_kg), LawOptions::at_step(STEP_S).with_method(method)).expect("a law");
+        let expected = run(&plain, load, 4000);
+        for law in [plain.clone().behind(&straight), plain.beside(&none, &measure)] {
+            assert!(relative_rms(&run(&law.expect("a law"), load, 4000), &expected) < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn curves_serve_the_discretisation_of_second_order_as_well() {
+    // Small changes of the step: the error against a fine solution falls with its square.
+    let model = film(0.3);
+    for (kind, peak_n) in [(Film::Behind, 40.0), (Film::Beside, 60.0)] {
+        let at = |step_s: f64, method| -> f64 {
+            let law: Law<f64> = kind.law(&model, step_s, method, 4);
+            let mut state = law.state();
+            let steps = (2.0 / step_s).round() as usize;
+            for k in 1..=steps {
+                let share = k as f64 * step_s / 2.0;
+                law.displacement(&mut state, peak_n * share.powi(3) * (10.0 - 15.0 * share + 6.0 * share.powi(2)));
+            }
+            state.position()
+        };
+        let exact = at(1.25e-4, Discretisation::Bdf2);
+        let errors = [8e-3, 4e-3, 2e-3].map(|step_s| (at(step_s, Discretisation::Bdf2) / exact - 1.0).abs());
+        for pair in errors.windows(2) {
+            let order = (pair[0] / pair[1]).log2();
+            assert!((1.7..2.4).contains(&order), "{kind:?}: {errors:?}");
+        }
+        assert!((at(2e-3, Discretisation::Gl) / exact - 1.0).abs() > 10.0 * errors[2]);
+    }
+}
+
+#[test]
+fn coefficients_carry_the_curves_and_give_the_same_bits() {
+    let model = film(0.3);
+    for (kind, pieces, knots) in [(Film::Behind, 11, 12), (Film::Beside, 5, 9 + 6)] {
+        for method in METHODS {
+            let law: Law<f32> = kind.law(&model, STEP_S, method, pieces);
+            let coefficients = law.coefficients();
+            assert_eq!((coefficients.curve.len(), coefficients.has_spring()), (knots, kind == Film::Beside));
+            let received = Law::from_coefficients(&coefficients, STEP_S, model.mass_kg()).expect("a law");
+            assert_eq!(received, law);
+            let load = |k| Load { force_n: load(k), slope_n_per_m: 0.0 };
+            assert_eq!(run(&received, load, 1000), run(&law, load, 1000));
+        }
+    }
+}
+
+#[test]
+fn a_film_that_hung_under_a_load_is_where_stepping_brings_it() {
+    for law in FILMS.map(|kind| kind.wide(&film(0.0), 6)) {
+        let mut stepped = law.state();
+        law.warm_up(&mut stepped, (0..20_000).map(|_| 25.0));
+        let mut settled = law.settled(25.0, 20.0);
+        assert!((settled.position() / stepped.position() - 1.0).abs() < 1e-5);
+        assert!((settled.slope() / stepped.slope() - 1.0).abs() < 1e-5);
+        for _ in 0..1000 {
+            let x = law.displacement(&mut stepped, 15.0);
+            assert!((law.displacement(&mut settled, 15.0) - x).abs() < 1e-5 * x);
+        }
+        // A sensor that is zeroed there: the film stays where it is on its curves.
+        let origin = settled.position();
+        let mut zeroed = settled.clone();
+        zeroed.move_origin(origin);
+        for _ in 0..100 {
+            let x = law.displacement(&mut settled, 20.0);
+            assert!((law.displacement(&mut zeroed, 20.0) + origin - x).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn feedforward_follows_a_bent_film_through_a_saturating_drive() {
+    let model = film(Actuator::KARNER_2022.mass_kg);
+    for (kind, stretch_coupling, centre_m, starting) in
+        [(Film::Behind, -20.0, 0.6e-3, 20), (Film::Beside, 30.0, 1.2e-3, 40)]
+    {
+        let actuator = Actuator { stretch_coupling, saturation_v: Some(9000.0), ..Actuator::KARNER_2022 };
+        let law: Law<f32> = kind.law(&model, STEP_S, Discretisation::Gl, 8);
+        let error = kind.summed(&model, |film| film.feedforward_error(law, &actuator, centre_m, starting));
+        assert!(error < 1e-4, "{kind:?}: {error:e}");
+    }
+}
