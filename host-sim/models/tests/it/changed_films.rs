@@ -3,22 +3,19 @@
 //! `SPRINGPOT_SWEEP=full cargo test --release -p host-models --test it changed_films -- --nocapture` prints the table of docs/results.md; the
 //! default runs some rows of the film that its law describes. The bench is the default one.
 
-use std::f64::consts::TAU;
-
 use host_io::files::parameters::Parameters;
 use host_io::grid::Grid;
 use host_models::fit::settings::CurveChoice;
-use host_models::references::minimum_jerk;
-use host_models::replay::memory::Precision;
 use host_models::simulation::closed_loop::{self, BenchModel};
-use host_models::simulation::controllers::{self, ControllerKind, ControllerSettings};
+use host_models::simulation::controllers::ControllerKind;
 use host_models::simulation::film::{self, Film};
 use host_models::simulation::plant::{Mismatch, NonlinearPlant, Plant};
 use rayon::prelude::*;
-use springpot::{CommandLimits, GRAVITY, Maxwell, ObserverOptions, Preload, Springpot};
+use springpot::{CommandLimits, GRAVITY, Maxwell, Preload, Springpot};
 
 use crate::hours::Kind;
 use crate::plants::{BlendedFilm, Change, LITTLE_CREEP, MUCH_CREEP, Stiffening, StiffeningFilm};
+use crate::recorded::{controller, risen_sine_m};
 use crate::sweep::full_sweep;
 use crate::{measured_curve, two_curves};
 
@@ -116,17 +113,10 @@ impl Changing {
     fn error_pct(self, kind: ControllerKind, parameters: &Parameters, change: Change, load: f64) -> f64 {
         let [low_m, high_m] = self.stroke_m();
         let grid = Grid::covering(LOST_S.1, RATE_HZ).expect("a grid");
-        let observer = ObserverOptions::at_bandwidth(0.6);
-        let limits = self.limits();
-        let settings = ControllerSettings { rate_hz: RATE_HZ, limits, observer, learning: None, peak_m: high_m };
-        let mut controller = controllers::build(kind, parameters, &settings, Precision::F32).expect("valid");
+        let mut controller = controller(kind, parameters, self.limits(), None, high_m);
         let mut plant = self.plant(parameters, change, load, closed_loop::substeps(grid).1);
         let bench = BenchModel { sensor_lost_s: vec![LOST_S], ..BenchModel::default() };
-        let reference = |k: usize| {
-            let t = grid.time_s(k);
-            let swing = if t < 5.0 { 0.0 } else { 1.0 - (TAU * (t - 5.0) / 10.0).cos() };
-            low_m * minimum_jerk(t / 5.0) + 0.5 * (high_m - low_m) * swing
-        };
+        let reference = |k: usize| risen_sine_m(grid.time_s(k), 5.0, low_m, high_m, 0.1);
         let (mut squares, mut ticks) = (0.0, 0u32);
         closed_loop::follow(plant.as_mut(), &bench, controller.as_mut(), reference, grid, |k, tick| {
             if grid.time_s(k) >= LOST_S.0 {

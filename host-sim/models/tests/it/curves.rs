@@ -2,18 +2,19 @@
 
 use std::f64::consts::TAU;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 
 use crate::plants::{LITTLE_CREEP, MUCH_CREEP, Stiffening, StiffeningFilm};
+use crate::recorded::{feedforward_errors_m, fitted, nrmse_pct, observation, parameters, recorded, risen_sine_m, rms};
 use host_io::files::parameters::{ElasticCurve, Parameters};
 use host_io::files::recording::{Direction, Input};
 use host_io::grid::{Grid, Samples};
+use host_models::fit::Settings;
 use host_models::fit::bend::Bend;
-use host_models::fit::observation::{Observation, Reading};
+use host_models::fit::observation::Observation;
 use host_models::fit::settings::CurveChoice;
-use host_models::fit::{self, Fit, Settings};
+use host_models::references::minimum_jerk;
 use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
-use host_models::replay::{feasibility, feedforward, simulate};
+use host_models::replay::{feasibility, simulate};
 use host_models::simulation::plant::{FullMemoryPlant, Mismatch, Plant};
 use indicatif::ProgressBar;
 use rand::SeedableRng;
@@ -26,53 +27,16 @@ use springpot::{
 pub(crate) const FILM: Actuator =
     Actuator { length_m: 0.03, width_m: 0.02, thickness_m: 100e-6, mass_kg: 0.1, ..Actuator::KARNER_2022 };
 
-pub(crate) fn observation(name: &str, input: Input, measured: Samples, rate_hz: f64) -> Observation {
-    Observation {
-        name: name.into(),
-        input,
-        measured,
-        rate_hz,
-        weight: 1.0,
-        sample_weights: Vec::new(),
-        reading: Reading::default(),
-    }
-}
-
 /// Sines of 3.5 kV on the stiffening film, 100 values a second with 4 µm of noise.
 fn recordings(elements: [(f64, f64); 3]) -> Vec<Observation> {
     let mut random = Pcg64::seed_from_u64(7);
     let noise = Normal::new(0.0, 4e-6).expect("valid");
     let mut record = |hz: f64| {
-        let volts = |t: f64| 1750.0 * (1.0 - (TAU * hz * t).cos());
         let mut film = StiffeningFilm::new(Stiffening::with(elements), 1e-3);
-        let (mut time_s, mut drive, mut measured) = (Vec::new(), Vec::new(), Vec::new());
-        let mut x = 0.0;
-        for k in 0..80_000 {
-            let t = f64::from(k) * 1e-3;
-            if k % 20 == 0 {
-                time_s.push(t);
-                drive.push(volts(t));
-                measured.push(x + noise.sample(&mut random));
-            }
-            x = film.step(volts(t + 0.5e-3));
-        }
-        let input = Input::Voltage(Samples { time_s: time_s.clone(), value: drive });
-        observation(&format!("{hz} Hz"), input, Samples { time_s, value: measured }, 50.0)
+        let volts = |t: f64| 1750.0 * (1.0 - (TAU * hz * t).cos());
+        recorded(&mut film, 1e-3, 80_000, 50.0, volts, |x| x + noise.sample(&mut random))
     };
     vec![record(0.4), record(0.15), record(0.08)]
-}
-
-fn fitted(observations: &[Observation], settings: &Settings) -> Fit {
-    fit::fit(observations, settings, &AtomicBool::new(false), &|_| {}).expect("a fit")
-}
-
-fn parameters(fit: &Fit, settings: &Settings, direction: Direction) -> Parameters {
-    let text = fit.parameters(settings, direction, &[]).expect("parameters").to_toml();
-    Parameters::from_toml(Path::new("fit.toml"), &text).unwrap_or_else(|error| panic!("{error}\n{text}"))
-}
-
-fn nrmse_pct(fit: &Fit) -> f64 {
-    fit.agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / fit.agreements.len() as f64
 }
 
 fn settings(curve: CurveChoice, branches: Vec<usize>) -> Settings {
@@ -125,19 +89,10 @@ fn a_film_that_stiffens_and_creeps_much_is_followed() {
 
 /// Error (RMS, % of peak to peak) with which feedforward takes the film of `elements` along a sine from 1 to 2.6 mm, after 2 s.
 fn feedforward_pct(parameters: &Parameters, elements: [(f64, f64); 3]) -> f64 {
-    let reference = |t: f64| {
-        let rise = (t / 2.0).min(1.0);
-        let low = 1e-3 * rise * rise * rise * (10.0 + rise * (6.0 * rise - 15.0));
-        if t < 2.0 { low } else { low + 0.8e-3 * (1.0 - (TAU * 0.2 * (t - 2.0)).cos()) }
-    };
-    let grid = Grid::covering(40.0, 1000.0).expect("a grid");
-    let wanted: Vec<f64> = grid.times_s().iter().map(|&t| reference(t)).collect();
-    let options = RunOptions::default();
-    let bar = ProgressBar::hidden();
-    let plan = feedforward::plan(parameters, &wanted, grid, &options, CommandLimits::BENCH, &bar).expect("a plan");
+    let wanted: Vec<f64> = (0..=40_000).map(|k| risen_sine_m(1e-3 * f64::from(k), 2.0, 1e-3, 2.6e-3, 0.2)).collect();
     let mut film = StiffeningFilm::new(Stiffening::with(elements), 1e-3);
-    let errors: Vec<f64> = plan.voltage_v.iter().zip(&wanted).map(|(&volts, r)| film.step(volts) - r).collect();
-    100.0 / 1.6e-3 * (errors[2000..].iter().map(|e| e * e).sum::<f64>() / (errors.len() - 2000) as f64).sqrt()
+    let errors = feedforward_errors_m(parameters, &wanted, CommandLimits::BENCH, &mut film);
+    100.0 / 1.6e-3 * rms(&errors[2000..])
 }
 
 /// Stress and stretch of Gent's rubber with a springpot's memory, from closed forms: loading at a constant rate and back is a sum of
@@ -154,14 +109,8 @@ fn the_curve_of_rubber_is_found_in_relaxations() {
         observation(&format!("{strain_m} m"), Input::Displacement(drive), Samples { time_s, value }, 80.0)
     };
     let observations = [5e-3, 15e-3, 35e-3, 55e-3].map(relaxation);
-    let settings = Settings {
-        actuator: Actuator { mass_kg: 0.0, ..FILM },
-        branches: vec![0, 1],
-        topologies: vec![Topology::Parallel],
-        uncertainty: false,
-        curve: CurveChoice::Auto,
-        ..Settings::default()
-    };
+    let actuator = Actuator { mass_kg: 0.0, ..FILM };
+    let settings = Settings { actuator, starts: 8, ..settings(CurveChoice::Auto, vec![0, 1]) };
     let fit = fitted(&observations, &settings);
     assert!(fit.r2_mean > 0.9999, "{} {:?}", fit.r2_mean, fit.structures);
     let found = fit.candidate.bend.curve().expect("a curve").expect("not straight");
@@ -188,15 +137,7 @@ fn a_linear_film_stays_linear() {
         let value = response.displacement_m.iter().map(|x| x + noise.sample(&mut random)).collect();
         observation("linear", input, Samples { time_s: grid.times_s(), value }, 50.0)
     });
-    let settings = Settings {
-        actuator: FILM,
-        branches: vec![0, 1],
-        topologies: vec![Topology::Parallel],
-        uncertainty: false,
-        curve: CurveChoice::Auto,
-        ..Settings::default()
-    };
-    let fit = fitted(&observations, &settings);
+    let fit = fitted(&observations, &Settings { starts: 8, ..settings(CurveChoice::Auto, vec![0, 1]) });
     assert_eq!(
         (fit.candidate.bend, fit.candidate.actuator.saturation_v),
         (Bend::Straight, None),
@@ -271,10 +212,7 @@ fn the_feasible_band_behind_a_curve_is_bracketed() {
     let grid = Grid::covering(10.0, 200.0).expect("a grid");
     let limits = CommandLimits { max_voltage_v: 3500.0, ..CommandLimits::BENCH };
     let path = |offset: f64| -> Vec<f64> {
-        let rise = |t: f64| {
-            let s = (t / 2.0).min(1.0);
-            s * s * s * (10.0 + s * (6.0 * s - 15.0))
-        };
+        let rise = |t: f64| minimum_jerk(t / 2.0);
         let at = |t: &f64| (2e-3 + offset) * rise(*t) + 1e-3 * rise(*t) * (TAU * 0.5 * t).sin();
         grid.times_s().iter().map(at).collect()
     };

@@ -1,8 +1,8 @@
 //! Fits: they recover known models, hold on recordings that they have not seen, and give intervals that contain the truth.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
+use crate::recorded::{self, fitted};
 use crate::recordings::recordings;
 use host_io::files::import::Hints;
 use host_io::files::material_test::{MaterialTest, Strain};
@@ -15,11 +15,9 @@ use host_models::fit::candidate::{Candidate, Variable};
 use host_models::fit::objective::Objective;
 use host_models::fit::observation::{self, Observation, Reading};
 use host_models::fit::settings::CurveChoice;
-use host_models::fit::{self, Fit, Method, Settings, Severity, Warning};
+use host_models::fit::{Method, Settings, Severity, Warning};
 use host_models::simulation::film::{Film, Instruments, Plant, Readings, Waveform};
 use springpot::{Actuator, Preload, Springpot, Topology};
-
-static NEVER: AtomicBool = AtomicBool::new(false);
 
 fn observation(path: &Path, direction: Direction) -> Observation {
     let recording = Recording::read(path).expect("readable");
@@ -32,10 +30,6 @@ pub(crate) fn observations(plant: &str) -> Vec<Observation> {
 
 fn structure(topology: Topology, branches: usize) -> Settings {
     Settings { topologies: vec![topology], branches: vec![branches], ..Settings::default() }
-}
-
-fn fitted(observations: &[Observation], settings: &Settings) -> Fit {
-    fit::fit(observations, settings, &NEVER, &|_| ()).expect("a fit")
 }
 
 fn nrmse_of(candidate: &Candidate, observations: &[Observation]) -> Vec<f64> {
@@ -327,21 +321,9 @@ fn a_long_recording_is_fitted_on_all_samples() {
     let waveform = Waveform { peak_v: 6000.0, frequencies_hz: vec![1.0 / 7.0] };
     let states = film.states(film.rest(), &time_s, |t| waveform.voltage_v(t)).expect("no pull-in");
     let mut readings = Readings::new(Instruments::default(), 5);
-    let observation = Observation {
-        name: "long".into(),
-        input: Input::Voltage(Samples {
-            time_s: time_s.clone(),
-            value: time_s.iter().map(|&t| waveform.voltage_v(t)).collect(),
-        }),
-        measured: Samples {
-            value: states.iter().map(|state| readings.displacement_m(film.displacement_m(state))).collect(),
-            time_s,
-        },
-        rate_hz: 20.0,
-        weight: 1.0,
-        sample_weights: Vec::new(),
-        reading: Reading::default(),
-    };
+    let voltage = Samples { time_s: time_s.clone(), value: time_s.iter().map(|&t| waveform.voltage_v(t)).collect() };
+    let value = states.iter().map(|state| readings.displacement_m(film.displacement_m(state))).collect();
+    let observation = recorded::observation("long", Input::Voltage(voltage), Samples { time_s, value }, 20.0);
     let all = std::slice::from_ref(&observation);
     let two = Settings { uncertainty: false, ..structure(Topology::Parallel, 2) };
     let fit = fitted(all, &two);
@@ -360,16 +342,10 @@ fn unseen(plant: Plant, frequencies_hz: &[f64], peak_v: f64) -> Observation {
     let states = film.states(film.rest(), &time_s, |t| waveform.voltage_v(t)).expect("no pull-in");
     let mut readings = Readings::new(Instruments::default(), 99);
     let voltage = time_s.iter().map(|&t| readings.voltage_v(waveform.voltage_v(t))).collect();
-    let displacement = states.iter().map(|state| readings.displacement_m(film.displacement_m(state))).collect();
-    Observation {
-        name: format!("{plant:?} {frequencies_hz:?} Hz {peak_v} V"),
-        input: Input::Voltage(Samples { time_s: time_s.clone(), value: voltage }),
-        measured: Samples { time_s, value: displacement },
-        rate_hz: 100.0,
-        weight: 1.0,
-        sample_weights: Vec::new(),
-        reading: Reading::default(),
-    }
+    let value = states.iter().map(|state| readings.displacement_m(film.displacement_m(state))).collect();
+    let name = format!("{plant:?} {frequencies_hz:?} Hz {peak_v} V");
+    let input = Input::Voltage(Samples { time_s: time_s.clone(), value: voltage });
+    recorded::observation(&name, input, Samples { time_s, value }, 100.0)
 }
 
 #[test]

@@ -6,28 +6,26 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
-use std::path::Path;
-use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use host_io::files::parameters::Parameters;
-use host_io::files::recording::{Direction, Input};
-use host_io::grid::{Grid, Samples};
-use host_models::fit::observation::{Observation, Reading};
+use host_io::files::recording::Direction;
+use host_io::grid::Grid;
+use host_models::fit::Settings;
+use host_models::fit::observation::Observation;
 use host_models::fit::settings::CurveChoice;
-use host_models::fit::{self, Settings};
 use host_models::references::minimum_jerk;
-use host_models::replay::memory::Precision;
 use host_models::simulation::closed_loop::{self, BenchModel, LoopTick};
-use host_models::simulation::controllers::{self, ControllerKind, ControllerSettings};
+use host_models::simulation::controllers::ControllerKind;
 use host_models::simulation::film::{self, Film, Instruments, Readings};
 use host_models::simulation::plant::{FullMemoryPlant, Mismatch, Plant};
 use rayon::prelude::*;
-use springpot::{Actuator, CommandLimits, LearningOptions, ObserverOptions, Topology};
+use springpot::{Actuator, CommandLimits, LearningOptions, Topology};
 
 use crate::plants::{BlendedFilm, Change, LITTLE_CREEP, MUCH_CREEP, Ramp, Stiffening, StiffeningFilm, WarmingStrip};
+use crate::recorded::risen_sine_m;
 use crate::sweep::full_sweep;
-use crate::{curves, measured_curve, tracking};
+use crate::{curves, measured_curve, recorded, tracking};
 
 const RATE_HZ: f64 = 1000.0;
 const RISE_S: f64 = 5.0;
@@ -117,11 +115,10 @@ impl Kind {
             curve,
             ..Settings::default()
         };
-        let fit = fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| {}).expect("a fit");
+        let fit = recorded::fitted(&observations, &settings);
         let nrmse_pct: Vec<String> = fit.agreements.iter().map(|a| format!("{:.3}", a.nrmse_pct)).collect();
         println!("{}: NRMSE {} %", self.name(), nrmse_pct.join(", "));
-        let text = fit.parameters(&settings, Direction::Force, &[]).expect("parameters").to_toml();
-        Parameters::from_toml(Path::new("fit.toml"), &text).expect("valid")
+        recorded::parameters(&fit, &settings, Direction::Force)
     }
 
     /// A recording of `drive`, with the noise of the bench's sensor.
@@ -130,26 +127,8 @@ impl Kind {
         let (substeps, substep_s) = closed_loop::substeps(grid);
         let mut plant = Case { seconds: drive.seconds, ..Case::with_film(self) }.plant(grid);
         let mut readings = Readings::new(Instruments::default(), seed);
-        let every = (substeps as f64 * RATE_HZ / drive.rate_hz) as usize;
-        let (mut time_s, mut volts, mut measured) = (Vec::new(), Vec::new(), Vec::new());
-        for k in 0..substeps * grid.samples {
-            let t = k as f64 * substep_s;
-            if k % every == 0 {
-                time_s.push(t);
-                volts.push(drive.volts(t));
-                measured.push(readings.displacement_m(plant.displacement_m()));
-            }
-            plant.advance(drive.volts(t + 0.5 * substep_s));
-        }
-        Observation {
-            name: format!("{} Hz", drive.hz),
-            input: Input::Voltage(Samples { time_s: time_s.clone(), value: volts }),
-            measured: Samples { time_s, value: measured },
-            rate_hz: drive.rate_hz,
-            weight: 1.0,
-            sample_weights: Vec::new(),
-            reading: Reading::default(),
-        }
+        let (steps, volts) = (substeps * grid.samples, |t: f64| drive.volts(t));
+        recorded::recorded(plant.as_mut(), substep_s, steps, drive.rate_hz, volts, |x| readings.displacement_m(x))
     }
 
     /// Fitted once for all tests here.
@@ -241,11 +220,7 @@ impl Case {
     }
 
     fn reference_m(&self, t: f64) -> f64 {
-        if t < RISE_S {
-            return self.low_m * minimum_jerk(t / RISE_S);
-        }
-        let turns = (t - RISE_S) / self.period_s;
-        self.low_m + 0.5 * (self.high_m - self.low_m) * (1.0 - (TAU * turns.fract()).cos())
+        risen_sine_m(t, RISE_S, self.low_m, self.high_m, 1.0 / self.period_s)
     }
 
     /// % of peak to peak of so many metres.
@@ -255,15 +230,9 @@ impl Case {
 
     fn follow(&self, (kind, is_learned): (ControllerKind, bool)) -> Followed {
         let grid = Grid::covering(self.seconds, RATE_HZ).expect("valid");
-        let settings = ControllerSettings {
-            rate_hz: grid.rate_hz,
-            limits: self.limits,
-            observer: ObserverOptions::at_bandwidth(0.6),
-            learning: is_learned.then_some(LearningOptions::BENCH),
-            peak_m: self.high_m,
-        };
-        let controller = controllers::build(kind, &self.film.parameters(), &settings, Precision::F32);
-        let (mut controller, mut plant) = (controller.expect("valid"), self.plant(grid));
+        let learning = is_learned.then_some(LearningOptions::BENCH);
+        let mut controller = recorded::controller(kind, &self.film.parameters(), self.limits, learning, self.high_m);
+        let mut plant = self.plant(grid);
         let mut sums = Sums::new(grid, self.period_s);
         let reference = |k: usize| self.reference_m(grid.time_s(k));
         let bench = BenchModel::default();

@@ -4,14 +4,14 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
-use std::sync::atomic::AtomicBool;
 
+use crate::recorded;
 use crate::sweep::full_sweep;
 use host_io::files::recording::Input;
 use host_io::grid::{Grid, Samples};
 use host_models::fit::candidate::Candidate;
 use host_models::fit::objective::Objective;
-use host_models::fit::observation::{Observation, Reading};
+use host_models::fit::observation::Observation;
 use host_models::fit::{self, Fit, Settings};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
@@ -34,15 +34,9 @@ fn observations() -> Vec<Observation> {
     let record = |hz: f64| {
         let time_s = Grid { rate_hz: 20.0, samples: 1000 }.times_s();
         let value = time_s.iter().map(|t| 3000.0 * (1.0 - (TAU * hz * t).cos())).collect();
-        Observation {
-            name: format!("{hz} Hz"),
-            input: Input::Voltage(Samples { time_s: time_s.clone(), value }),
-            measured: Samples { value: vec![0.0; time_s.len()], time_s },
-            rate_hz: 20.0,
-            weight: 1.0,
-            sample_weights: Vec::new(),
-            reading: Reading::default(),
-        }
+        let input = Input::Voltage(Samples { time_s: time_s.clone(), value });
+        let measured = Samples { value: vec![0.0; time_s.len()], time_s };
+        recorded::observation(&format!("{hz} Hz"), input, measured, 20.0)
     };
     let mut observations = vec![record(0.2), record(0.07)];
     let modelled =
@@ -75,7 +69,7 @@ fn fitted(observations: &[Observation], branches: usize) -> Fit {
         sensor_delay_s: Some(0.0),
         ..Settings::default()
     };
-    fit::fit(observations, &settings, &AtomicBool::new(false), &|_| ()).expect("a fit")
+    recorded::fitted(observations, &settings)
 }
 
 #[test]

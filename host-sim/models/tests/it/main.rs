@@ -24,6 +24,7 @@ mod plant;
 mod plants;
 mod plausibility;
 mod random_fits;
+mod recorded;
 #[path = "../../../../tests/support/recordings.rs"]
 mod recordings;
 mod reduce;

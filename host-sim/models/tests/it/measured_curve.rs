@@ -7,25 +7,23 @@
 //! `cargo test -p host-models --test it measured_curve -- --nocapture` prints the table of docs/results.md.
 
 use std::f64::consts::TAU;
-use std::path::Path;
-use std::sync::atomic::AtomicBool;
 
+use crate::recorded;
 use crate::sweep::full_sweep;
 use host_io::files::parameters::{ElasticCurve, Parameters};
-use host_io::files::recording::{Direction, Input};
-use host_io::grid::{Grid, Samples};
-use host_models::fit::observation::{Observation, Reading};
+use host_io::files::recording::Direction;
+use host_io::grid::Grid;
+use host_models::fit::Settings;
+use host_models::fit::observation::Observation;
 use host_models::fit::settings::CurveChoice;
-use host_models::fit::{self, Settings};
 use host_models::references::{Reference, Shape};
-use host_models::replay::memory::Precision;
 use host_models::simulation::closed_loop::{self, BenchModel};
-use host_models::simulation::controllers::{self, ControllerKind, ControllerSettings};
+use host_models::simulation::controllers::ControllerKind;
 use host_models::simulation::film::{Instruments, Readings};
-use host_models::simulation::plant::{FullMemoryPlant, Mismatch, Plant};
+use host_models::simulation::plant::{FullMemoryPlant, Mismatch};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
-use springpot::{Actuator, CommandLimits, Maxwell, ObserverOptions, Rubber, Springpot, Topology};
+use springpot::{Actuator, CommandLimits, Maxwell, Rubber, Springpot, Topology};
 
 /// Stretched to 1.4 by the weight: 30 % are 12 mm.
 const AT_REST_M: f64 = 0.04;
@@ -55,28 +53,11 @@ pub(crate) fn film() -> Parameters {
 fn recorded(peak_v: f64, hz: f64, seed: u64) -> Observation {
     const SECONDS: f64 = 60.0;
     let grid = Grid::covering(SECONDS, 2000.0).expect("a grid");
-    let volts = |t: f64| 0.5 * peak_v * (1.0 - (TAU * hz * t).cos());
     let plant = FullMemoryPlant::at_rest(&film(), Mismatch::NONE, grid.step_s(), grid.samples);
     let mut plant = plant.expect("a plant");
     let mut readings = Readings::new(Instruments::default(), seed);
-    let (mut time_s, mut drive, mut measured) = (Vec::new(), Vec::new(), Vec::new());
-    for (k, t) in grid.times_s().into_iter().enumerate() {
-        if k % 20 == 0 {
-            time_s.push(t);
-            drive.push(volts(t));
-            measured.push(readings.displacement_m(plant.displacement_m()));
-        }
-        plant.advance(volts(t + 0.5 * grid.step_s()));
-    }
-    Observation {
-        name: format!("{peak_v} V, {hz} Hz"),
-        input: Input::Voltage(Samples { time_s: time_s.clone(), value: drive }),
-        measured: Samples { time_s, value: measured },
-        rate_hz: 100.0,
-        weight: 1.0,
-        sample_weights: Vec::new(),
-        reading: Reading::default(),
-    }
+    let volts = |t: f64| 0.5 * peak_v * (1.0 - (TAU * hz * t).cos());
+    recorded::recorded(&mut plant, grid.step_s(), grid.samples, 100.0, volts, |x| readings.displacement_m(x))
 }
 
 /// The parameters that `fit` finds in recordings of two amplitudes and three frequencies, and its mean NRMSE (%).
@@ -93,28 +74,18 @@ fn fitted(curve: CurveChoice) -> (Parameters, f64) {
         curve,
         ..Settings::default()
     };
-    let fit = fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| {}).expect("a fit");
+    let fit = recorded::fitted(&observations, &settings);
     let largest = observations[1].measured.value.iter().copied().fold(0.0, f64::max);
     println!("{:.1} % of the length at rest, {:?}, {:?}", 100.0 * largest / AT_REST_M, fit.candidate, fit.warnings);
     assert!(largest > 0.3 * AT_REST_M, "{largest}");
-    let nrmse_pct = fit.agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / fit.agreements.len() as f64;
-    let text = fit.parameters(&settings, Direction::Force, &[]).expect("parameters").to_toml();
-    (Parameters::from_toml(Path::new("fit.toml"), &text).expect("valid"), nrmse_pct)
+    (recorded::parameters(&fit, &settings, Direction::Force), recorded::nrmse_pct(&fit))
 }
 
 /// Tracking error on the film, % of the reference's peak to peak.
 fn followed(parameters: &Parameters, reference: &Reference, kind: ControllerKind) -> f64 {
     let grid = Grid::covering(100.0, 1000.0).expect("a grid");
     let values = reference.on(grid).expect("valid");
-    let observer = ObserverOptions::at_bandwidth(0.6);
-    let settings = ControllerSettings {
-        rate_hz: grid.rate_hz,
-        limits: LIMITS,
-        observer,
-        learning: None,
-        peak_m: reference.high_m,
-    };
-    let mut controller = controllers::build(kind, parameters, &settings, Precision::F32).expect("valid");
+    let mut controller = recorded::controller(kind, parameters, LIMITS, None, reference.high_m);
     let (substeps, substep_s) = closed_loop::substeps(grid);
     let plant = FullMemoryPlant::at_rest(&film(), Mismatch::NONE, substep_s, substeps * grid.samples);
     let (mut plant, bench, bar) = (plant.expect("a plant"), BenchModel::default(), ProgressBar::hidden());

@@ -6,14 +6,14 @@ use host_io::choice::Choice;
 use host_io::files::parameters::Parameters;
 use host_io::grid::Grid;
 use host_models::references::{Reference, Shape};
-use host_models::replay::memory::Precision;
 use host_models::simulation::closed_loop::{self, BenchModel, LoopRun};
-use host_models::simulation::controllers::{self, ControllerKind, ControllerSettings};
+use host_models::simulation::controllers::ControllerKind;
 use host_models::simulation::film::{Film, Plant};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
-use springpot::{CommandLimits, LearningOptions, ObserverOptions};
+use springpot::{CommandLimits, LearningOptions};
 
+use crate::recorded::controller;
 use crate::sweep::full_sweep;
 use crate::tracking::both_films;
 
@@ -69,9 +69,7 @@ fn run(row: Row, parameters: &Parameters, learning: Option<LearningOptions>) -> 
         Plant::Wang => (0.6e-3, 1.2e-3),
     };
     let reference = Reference::new(Shape::Sine, low_m, high_m, row.period_s).on(grid).expect("valid");
-    let observer = ObserverOptions::at_bandwidth(0.6);
-    let settings = ControllerSettings { rate_hz: grid.rate_hz, limits: LIMITS, observer, learning, peak_m: high_m };
-    let mut controller = controllers::build(row.kind, parameters, &settings, Precision::F32).expect("valid");
+    let mut controller = controller(row.kind, parameters, LIMITS, learning, high_m);
     let bench = BenchModel { sensor_noise_m: 3e-6, ..BenchModel::default() };
     let film = Film::new(row.plant);
     closed_loop::track(&film, &bench, controller.as_mut(), &reference, grid, &ProgressBar::hidden()).expect("it holds")

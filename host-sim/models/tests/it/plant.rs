@@ -14,19 +14,7 @@ fn parameters(actuator: Actuator) -> Parameters {
     let sp = Springpot::new;
     let branches = [[sp(2.2e4, 0.12), sp(1.4e4, 0.85)], [sp(1.1e4, 0.05), sp(1.5e5, 0.92)]];
     let model = Maxwell::new(sp(4e4, 0.08), &branches, Topology::Parallel, actuator.mass_kg).expect("valid");
-    Parameters {
-        curve: None,
-        spring: None,
-        method: springpot::Discretisation::Gl,
-        name: "plant".into(),
-        actuator,
-        assumed_sizes: false,
-        model,
-        sensor_offset_m: 1e-3,
-        sensor_delay_s: 0.0,
-        board: None,
-        provenance: None,
-    }
+    Parameters { actuator, model, sensor_offset_m: 1e-3, ..Parameters::preset("table3-n1").expect("there") }
 }
 
 fn volts(grid: Grid) -> Vec<f64> {

@@ -12,6 +12,7 @@ use host_io::files::recording::{Input, Recording};
 use host_io::grid::{Grid, Samples};
 use host_models::fit::options::Branches;
 use host_models::fit::{self, Fit, FitOptions};
+use host_models::references::minimum_jerk;
 use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
 use host_models::replay::{feedforward, simulate};
 use indicatif::ProgressBar;
@@ -157,10 +158,12 @@ fn wherever_the_sensor_is_zeroed_and_whichever_way_it_counts() {
 fn feedforward_pct(fit: &Fit) -> f64 {
     let settings = options().settings(None, Some((ACTUATOR, false))).expect("settings");
     let parameters = fit.parameters(&settings, host_io::files::recording::Direction::Force, &[]).expect("a file");
-    let grid = Grid::covering(20.0, 1000.0).expect("a grid");
-    let rise = |t: f64| (t / 2.0).min(1.0).powi(3) * (10.0 + (t / 2.0).min(1.0) * (6.0 * (t / 2.0).min(1.0) - 15.0));
-    let at = |t: &f64| rise(*t) * (0.5e-3 + 0.3e-3 * (TAU * 0.3 * t).sin());
-    let wanted: Vec<f64> = grid.times_s().iter().map(at).collect();
+    let at = |k: i32| {
+        let t = 1e-3 * f64::from(k);
+        minimum_jerk(t / 2.0) * (0.5e-3 + 0.3e-3 * (TAU * 0.3 * t).sin())
+    };
+    let wanted: Vec<f64> = (0..=20_000).map(at).collect();
+    let grid = Grid { rate_hz: 1000.0, samples: wanted.len() };
     let (options, bar) = (RunOptions::default(), ProgressBar::hidden());
     let plan = feedforward::plan(&parameters, &wanted, grid, &options, CommandLimits::BENCH, &bar).expect("a plan");
     let square: f64 = displacement_m(&film(), plan.voltage_v).iter().zip(&wanted).map(|(x, r)| (x - r).powi(2)).sum();

@@ -16,11 +16,13 @@ use host_models::replay::memory::{Precision, RunOptions};
 use host_models::replay::observer;
 use host_models::replay::simulate;
 use host_models::simulation::closed_loop::{self, BenchModel};
-use host_models::simulation::controllers::{self, ControllerKind, ControllerSettings};
+use host_models::simulation::controllers::ControllerKind;
 use host_models::simulation::film::{Film, Plant, Waveform};
 use host_models::simulation::processor::{FirmwareLaw, Task, TaskOptions};
 use indicatif::ProgressBar;
-use springpot::{CommandLimits, ObserverOptions, Preload};
+use springpot::{CommandLimits, Preload};
+
+use crate::recorded::controller;
 
 const OFFSET_M: f64 = 1e-3;
 const RATE_HZ: f64 = 1000.0;
@@ -113,16 +115,9 @@ fn closed_loop_works_on_the_film_itself() {
     let grid = Grid::covering(5.0, RATE_HZ).expect("a grid");
     let reference: Vec<f64> = grid.times_s().iter().map(|t| 1e-3 * (1.0 - (t * 1.3).cos())).collect();
     let run = |offset_m: f64| {
-        let settings = ControllerSettings {
-            rate_hz: RATE_HZ,
-            limits: CommandLimits::BENCH,
-            observer: ObserverOptions::at_bandwidth(0.6),
-            learning: None,
-            peak_m: 2e-3,
-        };
-        let controller = controllers::build(ControllerKind::Tracking, &parameters(offset_m), &settings, Precision::F32);
+        let mut controller =
+            controller(ControllerKind::Tracking, &parameters(offset_m), CommandLimits::BENCH, None, 2e-3);
         let (film, bench) = (Film::new(Plant::Hossain), BenchModel::default());
-        let mut controller = controller.expect("a controller");
         closed_loop::track(&film, &bench, controller.as_mut(), &reference, grid, &ProgressBar::hidden()).expect("a run")
     };
     let (plain, offset) = (run(0.0), run(OFFSET_M));

@@ -4,22 +4,19 @@
 //! `SPRINGPOT_SWEEP=full cargo test -p host-models --test it stiffening` fits 200.
 
 use std::f64::consts::TAU;
-use std::sync::atomic::AtomicBool;
 
-use crate::curves::{FILM, observation};
+use crate::curves::FILM;
 use crate::plants::{Stiffening, StiffeningFilm};
+use crate::recorded::{self, feedforward_errors_m, recorded, risen_sine_m, rms};
 use crate::sweep::full_sweep;
 use host_io::files::parameters::Parameters;
-use host_io::files::recording::{Direction, Input};
-use host_io::grid::{Grid, Samples};
+use host_io::files::recording::Direction;
+use host_io::grid::Grid;
 use host_models::fit::observation::Observation;
 use host_models::fit::settings::CurveChoice;
-use host_models::fit::{self, Fit, Settings, StructureRow};
-use host_models::references::minimum_jerk;
+use host_models::fit::{Fit, Settings, StructureRow};
 use host_models::replay::expectation::{Expectation, Quantity, Recorded};
-use host_models::replay::memory::RunOptions;
-use host_models::replay::{feasibility, feedforward};
-use indicatif::ProgressBar;
+use host_models::replay::feasibility;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
@@ -64,22 +61,10 @@ impl Case {
         let mut random = Pcg64::seed_from_u64(seed);
         let noise = Normal::new(0.0, self.noise_m).expect("valid");
         let record = |&(peak_v, hz): &(f64, f64)| {
-            let substeps = (1000.0 / self.rate_hz) as usize;
-            let volts = |t: f64| 0.5 * peak_v * (1.0 - (TAU * hz * t).cos());
             let mut film = StiffeningFilm::new(self.film.clone(), 1e-3);
-            let (mut time_s, mut drive, mut measured) = (Vec::new(), Vec::new(), Vec::new());
-            let mut x = 0.0;
-            for k in 0..(self.duration_s * 1e3) as usize {
-                let t = k as f64 * 1e-3;
-                if k.is_multiple_of(substeps) {
-                    time_s.push(t);
-                    drive.push(volts(t));
-                    measured.push(x + self.offset_m + noise.sample(&mut random));
-                }
-                x = film.step(volts(t + 0.5e-3));
-            }
-            let input = Input::Voltage(Samples { time_s: time_s.clone(), value: drive });
-            observation(&format!("{hz} Hz"), input, Samples { time_s, value: measured }, self.rate_hz)
+            let volts = |t: f64| 0.5 * peak_v * (1.0 - (TAU * hz * t).cos());
+            let steps = (self.duration_s * 1e3) as usize;
+            recorded(&mut film, 1e-3, steps, self.rate_hz, volts, |x| x + self.offset_m + noise.sample(&mut random))
         };
         self.sines.iter().map(record).collect()
     }
@@ -124,10 +109,10 @@ fn random(seed: u64) -> Case {
     }
 }
 
-fn fitted(observations: &[Observation], starts: usize) -> Fit {
+fn fitted(observations: &[Observation]) -> Fit {
     let settings =
-        Settings { actuator: FILM, curve: CurveChoice::Auto, uncertainty: false, starts, ..Settings::default() };
-    fit::fit(observations, &settings, &AtomicBool::new(false), &|_| ()).expect("a fit")
+        Settings { actuator: FILM, curve: CurveChoice::Auto, uncertainty: false, starts: 4, ..Settings::default() };
+    recorded::fitted(observations, &settings)
 }
 
 fn table(fit: &Fit) -> String {
@@ -163,10 +148,7 @@ fn references(parameters: &Parameters, recorded: &Recorded, seed: u64) -> Vec<(V
         }
         let [low, high] = [(0.1, 0.5), (0.6, 0.95)].map(|(a, b)| recorded.stroke_m[1] * random.random_range(a..b));
         let hz = 0.08 * 5f64.powf(random.random_range(0.0..1.0));
-        let at = |t: f64| {
-            let wave = if t < 2.0 { 0.0 } else { 0.5 * (high - low) * (1.0 - (TAU * hz * (t - 2.0)).cos()) };
-            low * minimum_jerk(t / 2.0) + wave
-        };
+        let at = |t: f64| risen_sine_m(t, 2.0, low, high, hz);
         let wanted: Vec<f64> = grid.times_s().into_iter().map(at).collect();
         let check = feasibility::check(parameters, &wanted, grid, &LIMITS).expect("a law");
         if check.feasible {
@@ -178,13 +160,8 @@ fn references(parameters: &Parameters, recorded: &Recorded, seed: u64) -> Vec<(V
 
 /// Error (m, RMS) with which feedforward takes the film of `case` along `wanted`, after 2 s.
 fn feedforward_error_m(case: &Case, parameters: &Parameters, wanted: &[f64]) -> f64 {
-    let (options, bar) = (RunOptions::default(), ProgressBar::hidden());
-    let grid = Grid { rate_hz: 1000.0, samples: wanted.len() };
-    let plan = feedforward::plan(parameters, wanted, grid, &options, LIMITS, &bar).expect("a plan");
     let mut film = StiffeningFilm::new(case.film.clone(), 1e-3);
-    let squares = plan.voltage_v.iter().zip(wanted).map(|(&volts, r)| (film.step(volts) - r).powi(2));
-    let squares: Vec<f64> = squares.skip(2000).collect();
-    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    rms(&feedforward_errors_m(parameters, wanted, LIMITS, &mut film)[2000..])
 }
 
 fn median(values: &mut [f64]) -> f64 {
@@ -196,7 +173,7 @@ fn median(values: &mut [f64]) -> f64 {
 #[test]
 fn the_film_with_much_creep() {
     let case = Case::much_creep();
-    let fit = fitted(&case.recordings(1), 4);
+    let fit = fitted(&case.recordings(1));
     let (selected, best) = errors_pct(&case, &fit);
     println!("{selected:.3} % of {best:.3} %, {} evaluations\n{}{:#?}", fit.evaluations, table(&fit), fit.warnings);
     assert!(selected <= 1.3 * best && selected < 0.5, "{selected} of {best}");
@@ -214,7 +191,7 @@ fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
     // Films that were not seen when the interval was calibrated: on the first 42.
     for seed in 46..46 + cases {
         let case = random(seed);
-        let fit = fitted(&case.recordings(seed), 4);
+        let fit = fitted(&case.recordings(seed));
         let (selected, best) = errors_pct(&case, &fit);
         let chosen = fit.structures.iter().find(|row| row.chosen);
         let name = chosen.map_or_else(String::new, |row| format!("n = {} {}", row.branches, row.nonlinearity()));

@@ -51,19 +51,9 @@ fn fit_to(plant: &str) -> Parameters {
     let settings =
         Settings { topologies: vec![Topology::Parallel], branches: vec![4], uncertainty: false, ..Settings::default() };
     let candidate = fit::fit(&observations, &settings, &NEVER, &|_| ()).expect("a fit").candidate;
-    Parameters {
-        curve: None,
-        spring: None,
-        method: springpot::Discretisation::Gl,
-        name: plant.into(),
-        actuator: candidate.actuator,
-        model: candidate.model().expect("valid"),
-        sensor_offset_m: candidate.offset_m,
-        sensor_delay_s: 0.0,
-        assumed_sizes: false,
-        board: None,
-        provenance: None,
-    }
+    let model = candidate.model().expect("valid");
+    let film = Parameters::preset("table3-n1").expect("there");
+    Parameters { actuator: candidate.actuator, model, sensor_offset_m: candidate.offset_m, ..film }
 }
 
 fn references(plant: Plant) -> [(&'static str, Reference); 5] {
@@ -96,7 +86,13 @@ struct Trial<'a> {
     bandwidth_hz: f64,
 }
 
-impl Trial<'_> {
+impl<'a> Trial<'a> {
+    /// On the bench as it usually is.
+    fn new(plant: Plant, parameters: &'a Parameters, reference: &'a [f64]) -> Self {
+        let (film, limits, bench) = (Film::new(plant), CommandLimits::BENCH, BenchModel::default());
+        Self { parameters, film, reference, limits, bench, bandwidth_hz: BANDWIDTH_HZ }
+    }
+
     fn run(&self, kind: ControllerKind) -> LoopRun {
         let grid = grid();
         let settings = ControllerSettings {
@@ -158,14 +154,7 @@ struct Row {
 fn row(plant: Plant, parameters: &Parameters, name: &str, reference: &Reference) -> Row {
     let values = reference.on(grid()).expect("valid");
     let limits = CommandLimits::BENCH;
-    let trial = Trial {
-        parameters,
-        film: Film::new(plant),
-        reference: &values,
-        limits,
-        bench: BenchModel::default(),
-        bandwidth_hz: BANDWIDTH_HZ,
-    };
+    let trial = Trial::new(plant, parameters, &values);
     let feasible = feasibility::check(parameters, &values, grid(), &limits).expect("a check");
     let (open_run, closed_run) = (trial.run(ControllerKind::Feedforward), trial.run(ControllerKind::Tracking));
     // At rest, noise may ask for less than 0 V.
@@ -257,8 +246,7 @@ fn the_controllers_to_compare_with() {
         .flat_map_iter(|(plant, parameters, name, reference)| {
             let values = reference.on(grid()).expect("valid");
             let rms = |kind: ControllerKind, bandwidth_hz: f64| {
-                let (film, bench, limits) = (Film::new(*plant), BenchModel::default(), CommandLimits::BENCH);
-                Trial { parameters, film, reference: &values, limits, bench, bandwidth_hz }.rms(kind)
+                Trial { bandwidth_hz, ..Trial::new(*plant, parameters, &values) }.rms(kind)
             };
             let pi = PI_HZ
                 .map(|bandwidth_hz| rms(ControllerKind::Pi, bandwidth_hz))
@@ -304,14 +292,7 @@ fn the_bench_may_be_imperfect() {
     let errors: Vec<(&str, f64)> = benches
         .into_par_iter()
         .map(|(name, bench)| {
-            let trial = Trial {
-                parameters: &parameters,
-                film: Film::new(Plant::Hossain),
-                reference: &values,
-                limits: CommandLimits::BENCH,
-                bench,
-                bandwidth_hz: BANDWIDTH_HZ,
-            };
+            let trial = Trial { bench, ..Trial::new(Plant::Hossain, &parameters, &values) };
             (name, trial.rms(ControllerKind::Tracking))
         })
         .collect();
@@ -344,14 +325,9 @@ fn a_lag_that_is_known_within_a_fifth_costs_next_to_nothing() {
         .filter_map(|(by, (period_s, kind, bar))| {
             let values = Reference::new(Shape::Sine, 1.5e-3, 4e-3, period_s).on(grid()).expect("valid");
             let amplifier = AmplifierLag { rise_s: by * 0.1, fall_s: by * 0.5 };
-            let trial = Trial {
-                parameters: &parameters,
-                film: Film::new(Plant::Hossain),
-                reference: &values,
-                limits: CommandLimits { amplifier, ..CommandLimits::BENCH },
-                bench: bench.clone(),
-                bandwidth_hz: BANDWIDTH_HZ,
-            };
+            let limits = CommandLimits { amplifier, ..CommandLimits::BENCH };
+            let bench = bench.clone();
+            let trial = Trial { limits, bench, ..Trial::new(Plant::Hossain, &parameters, &values) };
             let error = trial.rms(kind);
             println!("{by} of the times, {period_s} s, {}: {error:.3} %", kind.name());
             (error > bar).then(|| format!("{by}, {period_s} s, {}: {error}", kind.name()))

@@ -2,16 +2,14 @@
 
 use std::f64::consts::TAU;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 
 use host_io::files::parameters::Parameters;
 use host_io::files::recording::{Direction, Input};
 use host_io::grid::{Grid, Samples};
 use host_models::agreement::Agreement;
+use host_models::fit::Settings;
 use host_models::fit::observation::Observation;
 use host_models::fit::settings::CurveChoice;
-use host_models::fit::{self, Settings};
-use host_models::references::minimum_jerk;
 use host_models::replay::full_memory::FullMemory;
 use host_models::replay::memory::RunOptions;
 use host_models::replay::{feasibility, feedforward, simulate};
@@ -23,8 +21,9 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use springpot::{Actuator, CommandLimits, Discretisation, Law, Load, Maxwell, Preload, Topology};
 
+use crate::recorded::{observation, risen_sine_m};
 use crate::sweep::full_sweep;
-use crate::{curves, fitting};
+use crate::{fitting, recorded};
 
 const RATE_HZ: f64 = 100.0;
 
@@ -168,7 +167,7 @@ fn recorded(parameters: &Parameters, drive: &str, peak: f64, hz: f64, seed: u64)
         "force" => Input::Force(samples(values)),
         _ => Input::Displacement(samples(values)),
     };
-    curves::observation(&format!("{peak} V, {hz} Hz"), input, samples(measured), RATE_HZ)
+    observation(&format!("{peak} V, {hz} Hz"), input, samples(measured), RATE_HZ)
 }
 
 /// Both curves are found by the selection, whatever drives the film and whether it hung before or is hung on at the start.
@@ -190,10 +189,9 @@ fn two_curves_are_found() {
             curve: CurveChoice::Two,
             ..Settings::default()
         };
-        let fit = fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| {}).expect("a fit");
+        let fit = recorded::fitted(&observations, &settings);
         let direction = if drive == "displacement" { Direction::Displacement } else { Direction::Force };
-        let text = fit.parameters(&settings, direction, &[]).expect("parameters").to_toml();
-        let found = parsed(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+        let found = recorded::parameters(&fit, &settings, direction);
         let nrmse_pct: Vec<f64> = fit.agreements.iter().map(|a| a.nrmse_pct).collect();
         println!("{drive} {preload:?}: NRMSE {nrmse_pct:?}, {:?}", fit.candidate);
         assert!(found.spring.is_some(), "{drive} {preload:?}: {:?}", fit.structures);
@@ -253,8 +251,7 @@ fn a_mismatch_of_the_stiffness_is_one_of_memory_and_spring() {
 
 /// A sine from 3.2 to 4 mm with a period of 10 s, after a rise of 5 s.
 fn wanted_m(t: f64) -> f64 {
-    let swing = if t < 5.0 { 0.0 } else { 1.0 - (0.1 * TAU * (t - 5.0)).cos() };
-    LOW_M * minimum_jerk(t / 5.0) + 0.5 * (HIGH_M - LOW_M) * swing
+    risen_sine_m(t, 5.0, LOW_M, HIGH_M, 0.1)
 }
 
 const LOW_M: f64 = 3.2e-3;
@@ -266,7 +263,7 @@ pub(crate) fn fitted(observations: &[Observation], curve: CurveChoice) -> Parame
     let topologies = vec![Topology::Parallel];
     let settings =
         Settings { actuator, branches: vec![3], topologies, uncertainty: false, curve, ..Settings::default() };
-    let fit = fit::fit(observations, &settings, &AtomicBool::new(false), &|_| {}).expect("a fit");
+    let fit = recorded::fitted(observations, &settings);
     println!("{:?}\n{:?}", fit.candidate, fit.structures);
     fit.parameters(&settings, Direction::Force, &[]).expect("parameters")
 }
@@ -304,26 +301,12 @@ fn followed(parameters: &Parameters, seconds: f64, rate_hz: f64) -> ([f64; 3], [
 pub(crate) fn of_finite_strain(peak_v: f64, hz: f64, seconds: f64, every_ms: usize) -> Observation {
     let noise = Normal::new(0.0, 5e-6).expect("valid");
     let mut random = Pcg64::seed_from_u64((1e3 * hz + peak_v) as u64);
-    let volts = |t: f64| 0.5 * peak_v * (1.0 - (TAU * hz * t).cos());
     let film = Film::new(film::Plant::Hossain);
     let mut plant = NonlinearPlant::at_rest(&film, 1e-3);
-    let (mut time_s, mut drive, mut measured) = (Vec::new(), Vec::new(), Vec::new());
-    for k in 0..(1e3 * seconds) as usize {
-        let t = 1e-3 * k as f64;
-        if k.is_multiple_of(every_ms) {
-            time_s.push(t);
-            drive.push(volts(t));
-            measured.push(plant.displacement_m() + noise.sample(&mut random));
-        }
-        plant.advance(volts(t + 0.5e-3));
-    }
-    let input = Input::Voltage(Samples { time_s: time_s.clone(), value: drive });
-    curves::observation(
-        &format!("{peak_v} V, {hz} Hz"),
-        input,
-        Samples { time_s, value: measured },
-        1e3 / every_ms as f64,
-    )
+    let (steps, rate_hz) = ((1e3 * seconds) as usize, 1e3 / every_ms as f64);
+    let volts = |t: f64| 0.5 * peak_v * (1.0 - (TAU * hz * t).cos());
+    let recording = recorded::recorded(&mut plant, 1e-3, steps, rate_hz, volts, |x| x + noise.sample(&mut random));
+    Observation { name: format!("{peak_v} V, {hz} Hz"), ..recording }
 }
 
 /// A film of finite strain, simulated by other equations: two curves are chosen of its recordings of 155 s, and feedforward
