@@ -118,116 +118,6 @@ pub fn has(error: &str, words: &[&str]) {
     }
 }
 
-/// Every dialect of text; its text alone states what the columns are. The function is long because it is one table.
-#[test]
-fn text_of_every_dialect_gives_the_samples() {
-    let comma = rows(",", '.', usual);
-    let semicolons = rows(";", ',', usual);
-    let dialects: Vec<(&str, Vec<u8>)> = vec![
-        ("a recording", format!("time_s,voltage_kv,displacement_mm\n{comma}").into()),
-        ("names of an oscilloscope", format!("Time (s),Voltage (kV),Laser (mm)\n{comma}").into()),
-        ("brackets", format!("t [s],U [kV],x [mm]\n{comma}").into()),
-        ("slashes", format!("t/s;U/kV;Weg/mm\n{semicolons}").into()),
-        ("underscores", format!("Time_s,HV_kV,laser_mm\n{comma}").into()),
-        ("words", format!("Time in s,High voltage in kV,Stroke in mm\n{comma}").into()),
-        ("German", format!("Zeit [s];Hochspannung [kV];Auslenkung [mm]\n{semicolons}").into()),
-        ("French", format!("Temps (s);Tension (kV);Déplacement (mm)\n{semicolons}").into()),
-        ("semicolons and points", format!("Time (s);Voltage (kV);Laser (mm)\n{}", rows(";", '.', usual)).into()),
-        ("tabs", format!("Time (s)\tVoltage (kV)\tLaser (mm)\n{}", rows("\t", '.', usual)).into()),
-        ("tabs and decimal commas", format!("Zeit (s)\tU (kV)\tLaser (mm)\n{}", rows("\t", ',', usual)).into()),
-        ("blanks", format!("time_s voltage_kv laser_mm\n{}", rows("   ", '.', usual)).into()),
-        ("blanks and decimal commas", format!("t/s U/kV x/mm\n{}", rows(" ", ',', usual)).into()),
-        (
-            "a displacement in another unit beside names of this tool",
-            format!(
-                "time_s,voltage_kv,displacement_cm\n{}",
-                rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm / 10.0])
-            )
-            .into(),
-        ),
-        (
-            "tabs, decimal commas and two numbers in most rows between commas",
-            format!("Laser {{mm}}\tState\tZeit {{s}}\tU {{kV}}\n{}", {
-                let row =
-                    |s: &Sample| format!("{}\tok\t{}\t{}\n", s.laser_mm, s.time_s, s.voltage_kv).replace('.', ",");
-                samples().iter().map(row).collect::<String>()
-            })
-            .into(),
-        ),
-        ("units after blanks", format!("Time (s)   HV (kV)   Laser (mm)\n{}", rows("  ", '.', usual)).into()),
-        ("commas and blanks", format!("Time (s), Voltage (kV), Laser (mm)\n{}", rows(" , ", '.', usual)).into()),
-        ("a row of units", format!("Zeit;Spannung;Laser\ns;kV;mm\n{semicolons}").into()),
-        ("a row of units in brackets", format!("Time,Voltage,Laser\n(s),(kV),(mm)\n\n{comma}").into()),
-        ("units only", format!("s;kV;mm\n{semicolons}").into()),
-        ("a preamble", format!("Film 3\nOperator: AB\nRate;8;Hz\n\nZeit [s];U [kV];Laser [mm]\n{semicolons}").into()),
-        ("comments", format!("% rig 2\n# warm\nTime (s),U (kV),Laser (mm)\n{comma}").into()),
-        ("a commented header", format!("# time_s voltage_kv laser_mm\n{}", rows(" ", '.', usual)).into()),
-        ("quotes", format!("\"Time (s)\",\"Voltage, HV (kV)\",\"Laser (mm)\"\n{comma}").into()),
-        (
-            "quoted decimal commas",
-            format!(
-                "Time (s),Voltage (kV),Laser (mm)\n\"{}\"\n",
-                semicolons.trim_end().replace(';', "\",\"").replace('\n', "\"\n\"")
-            )
-            .into(),
-        ),
-        (
-            "quoted decimal commas of a recording",
-            format!(
-                "time_s,voltage_kv,displacement_mm\n\"{}\"\n",
-                semicolons.trim_end().replace(';', "\",\"").replace('\n', "\"\n\"")
-            )
-            .into(),
-        ),
-        ("lines of Windows", format!("Time (s),U (kV),Laser (mm)\n{comma}").replace('\n', "\r\n").into()),
-        ("lines of an old Mac", format!("Time (s),U (kV),Laser (mm)\n{comma}").replace('\n', "\r").into()),
-        ("separators at the end", format!("Time (s);U (kV);Laser (mm);\n{}", semicolons.replace('\n', ";\n")).into()),
-        (
-            "a column of text",
-            format!("No;Time (s);U (kV);Laser (mm);State\n{}", numbered(&rows(";", '.', usual), ";ok")).into(),
-        ),
-        ("capitals", format!("TIME (S),VOLTAGE (KV),LASER (MM)\n{comma}").into()),
-        (
-            "minutes, volts, micrometres",
-            format!(
-                "time [min]\tvoltage [V]\tlaser [µm]\n{}",
-                rows("\t", '.', |s| vec![s.time_s / 60.0, s.voltage_kv * 1e3, s.laser_mm * 1e3])
-            )
-            .into(),
-        ),
-        (
-            "milliseconds, kilovolts, nanometres",
-            format!(
-                "t (ms),hv (kV),laser (nm)\n{}",
-                rows(",", '.', |s| vec![s.time_s * 1e3, s.voltage_kv, s.laser_mm * 1e6])
-            )
-            .into(),
-        ),
-        ("by the unit", format!("Time (s),Output 1 (kV),Gauge (mm)\n{comma}").into()),
-        (
-            "exponents of Fortran",
-            format!("time_s hv_kV laser_mm\n{}", rows(" ", '.', usual).replace('\n', "D+00\n")).into(),
-        ),
-        (
-            "a name beside a unit of another",
-            format!(
-                "Time (s),U (kV),Laser (V),Stroke (mm)\n{}",
-                rows(",", '.', |s| vec![s.time_s, s.voltage_kv, 7.5, s.laser_mm])
-            )
-            .into(),
-        ),
-        (
-            "a log in another dialect",
-            format!(
-                "time_s;voltage_kv;displacement_mm;predicted_m;force_scale\n{}",
-                rows(";", ',', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 7.0, 1.5])
-            )
-            .into(),
-        ),
-    ];
-    all_give_the_samples(&dialects);
-}
-
 /// Every encoding of text.
 #[test]
 fn text_of_every_encoding_gives_the_samples() {
@@ -261,11 +151,6 @@ fn all_give_the_samples(files: &[(&str, Vec<u8>)]) {
         let recording = folder.read(content, "").unwrap_or_else(|error| panic!("{name}: {error}"));
         gives_the_samples(&recording, name);
     }
-}
-
-/// Rows with their number before and `after` behind.
-fn numbered(rows: &str, after: &str) -> String {
-    rows.lines().enumerate().map(|(k, row)| format!("{k};{row}{after}\n")).collect()
 }
 
 /// Files of other programs: SciPy, compressed or not, and openpyxl.

@@ -11,86 +11,6 @@ use super::lab_files::{Folder, difference, has, rows, usual};
 /// Headers above time, voltage and displacement, and one column more: what the question says, and the answer.
 #[test]
 fn rival_columns_are_a_question() {
-    // A name, its numbers (the samples in kV or mm, or others), and whether it is asked about where it is the only one.
-    let displacements = [
-        ("Target position (mm)", true),
-        ("Position reference (mm)", true),
-        ("Stage position (mm)", true),
-        ("Position setpoint [mm]", true),
-        ("Set-point (mm)", true),
-        ("Demand (mm)", true),
-        ("Program position/mm", true),
-        ("Soll [mm]", true),
-        ("Sollposition [mm]", true),
-        ("Consigne (mm)", true),
-        ("Command position (mm)", true),
-        ("Desired stroke (mm)", true),
-        ("Filtered displacement (mm)", true),
-        ("Max displacement (mm)", true),
-        ("Laser min (mm)", true),
-        ("Average displacement (mm)", true),
-        ("Tracking error (mm)", true),
-        ("Laser RMS (mm)", true),
-        ("Laser x10 (mm)", true),
-        ("Laser (x10) [mm]", true),
-        ("10x Laser (mm)", true),
-        ("TargetPosition (mm)", true),
-        ("Laser_ref (mm)", true),
-        ("位移目标(mm)", true),
-        ("Weg gemittelt [mm]", true),
-        ("Wegsollwert [mm]", true),
-        ("Déplacement moyen (mm)", true),
-        ("Posición de referencia (mm)", true),
-        ("Theoretical stroke (mm)", true),
-        ("Fitted displacement (mm)", true),
-        ("Film thickness (mm)", true),
-        ("Zielposition (mm)", true),
-        ("Positie gewenst (mm)", true),
-        ("x_des (mm)", true),
-        ("Laser*10 (mm)", true),
-        ("Laser/10 (mm)", true),
-        ("平均位移(mm)", true),
-        ("y (mm)", false),
-        ("CH2 (mm)", false),
-        ("Displacement 2 (mm)", false),
-        ("Actual (mm)", false),
-        ("Gauge (µm)", false),
-        ("Displacement", false),
-    ];
-    let voltages = [
-        ("Voltage limit (kV)", true),
-        ("Demand voltage (kV)", true),
-        ("Program voltage (kV)", true),
-        ("HV set (kV)", true),
-        ("HV setpoint [kV]", true),
-        ("HV RMS (kV)", true),
-        ("U_soll [kV]", true),
-        ("Spannung Sollwert (kV)", true),
-        ("Spannungsgrenze U (kV)", true),
-        ("Tension consigne (kV)", true),
-        ("Peak voltage (kV)", true),
-        ("Voltage AC (kV)", true),
-        ("HV reference (kV)", true),
-        ("HV monitor 1000:1 (V)", true),
-        ("HV /1000 (V)", true),
-        ("Vset (kV)", true),
-        ("Urms (kV)", true),
-        ("Spitzenspannung (kV)", true),
-        ("Effektivspannung (kV)", true),
-        ("Tension de commande (kV)", true),
-        ("Tension efficace (kV)", true),
-        ("指令电压(kV)", true),
-        ("Vctrl (kV)", true),
-        ("Voltage ceiling (kV)", true),
-        ("HV/1000 (V)", true),
-        ("1000*HV (V)", true),
-        ("HV monitor (kV)", false),
-        ("CH2 (kV)", false),
-        ("Supply (kV)", false),
-        ("Monitor (V)", false),
-        ("Setpoint (V)", false),
-        ("Voltage", false),
-    ];
     let folder = Folder::new();
     let mut faults = Vec::new();
     let mut ask = |header: &str, answer: &str, columns: &dyn Fn(&super::lab_files::Sample) -> Vec<f64>| {
@@ -108,19 +28,22 @@ fn rival_columns_are_a_question() {
             Err(error) => faults.push(format!("{header}: {error}")),
         }
     };
-    for (name, alone) in displacements {
-        let other = |s: &super::lab_files::Sample| vec![s.time_s, s.voltage_kv, 7.0, s.laser_mm];
-        ask(&format!("Time (s);HV (kV);{name};Laser (mm)"), "displacement=4", &other);
-        if alone {
-            ask(&format!("Time (s);HV (kV);{name}"), "displacement=3", &usual);
-        }
-    }
-    for (name, alone) in voltages {
-        let other = |s: &super::lab_files::Sample| vec![s.time_s, 7.0, s.voltage_kv, s.laser_mm];
-        let factor = if name.contains("(V)") { "*1000" } else { "" };
-        ask(&format!("Time (s);{name};Voltage (kV);Laser (mm)"), "voltage=3", &other);
-        if alone && factor.is_empty() {
-            ask(&format!("Time (s);{name};Laser (mm)"), "voltage=2", &usual);
+    // `?` is behind the quantity of a name that is asked about where it is the only one.
+    let rivals = include_str!("files/rivals.txt").lines().filter(|line| !line.starts_with("other"));
+    for (kind, name) in rivals.filter_map(|line| line.split_once(": ")) {
+        let alone = kind.ends_with('?');
+        if kind.starts_with("displacement") {
+            let other = |s: &super::lab_files::Sample| vec![s.time_s, s.voltage_kv, 7.0, s.laser_mm];
+            ask(&format!("Time (s);HV (kV);{name};Laser (mm)"), "displacement=4", &other);
+            if alone {
+                ask(&format!("Time (s);HV (kV);{name}"), "displacement=3", &usual);
+            }
+        } else {
+            let other = |s: &super::lab_files::Sample| vec![s.time_s, 7.0, s.voltage_kv, s.laser_mm];
+            ask(&format!("Time (s);{name};Voltage (kV);Laser (mm)"), "voltage=3", &other);
+            if alone && !name.contains("(V)") {
+                ask(&format!("Time (s);{name};Laser (mm)"), "voltage=2", &usual);
+            }
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
