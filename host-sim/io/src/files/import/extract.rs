@@ -58,10 +58,6 @@ pub fn read(path: &Path, mut file: File, request: &Request<'_>, hints: &Hints) -
 }
 
 /// Reads CSV text with the names of this tool; `path` is what errors name.
-///
-/// # Errors
-///
-/// As [`read`].
 pub fn from_csv(path: &Path, mut csv: impl Read, request: &Request<'_>) -> Result<Series> {
     let mut bytes = Vec::new();
     csv.read_to_end(&mut bytes).map_err(|error| Error::file(path, error))?;

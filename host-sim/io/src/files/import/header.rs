@@ -54,116 +54,35 @@ enum Key {
     Gains,
 }
 
-/// The first cells of such rows, in small letters, with blanks for underlines.
-const KEYS: &[(Key, &[&str])] = &[
+/// The first cells of such rows, in small letters, with blanks for underlines, and commas between them.
+const KEYS: &[(Key, &str)] = &[
     (
         Key::Names,
-        &[
-            "tracename",
-            "trace name",
-            "channelname",
-            "channel name",
-            "channel names",
-            "channeltitle",
-            "channel title",
-            "signal name",
-        ],
+        "tracename, trace name, channelname, channel name, channel names, channeltitle, channel title, signal name",
     ),
-    (
-        Key::Units,
-        &[
-            "vunit",
-            "v unit",
-            "y unit label",
-            "y unit",
-            "y units",
-            "unit",
-            "units",
-            "unitname",
-            "unit name",
-            "einheit",
-            "einheiten",
-        ],
-    ),
+    (Key::Units, "vunit, v unit, y unit label, y unit, y units, unit, units, unitname, unit name, einheit, einheiten"),
     (
         Key::Interval,
-        &[
-            "delta x",
-            "sample interval",
-            "sampling interval",
-            "sample period",
-            "sampling period",
-            "sampling time",
-            "sampling cycle",
-            "storage cycle",
-            "hresolution",
-            "h resolution",
-            "x increment",
-            "xincrement",
-            "xinc",
-            "tinc",
-            "time increment",
-            "time step",
-            "increment",
-            "interval",
-            "abtastintervall",
-            "abtastzeit",
-            "wf increment",
-            "delta t",
-            "dt",
-        ],
+        "delta x, sample interval, sampling interval, sample period, sampling period, sampling time, sampling cycle, \
+         storage cycle, hresolution, h resolution, x increment, xincrement, xinc, tinc, time increment, time step, \
+         increment, interval, abtastintervall, abtastzeit, wf increment, delta t, dt",
     ),
     (
         Key::Rate,
-        &[
-            "samplerate",
-            "sample rate",
-            "sampling rate",
-            "sampling frequency",
-            "sample frequency",
-            "samples per second",
-            "abtastrate",
-            "abtastfrequenz",
-            "scan rate",
-            "data rate",
-            "acquisition rate",
-        ],
+        "samplerate, sample rate, sampling rate, sampling frequency, sample frequency, samples per second, abtastrate, \
+         abtastfrequenz, scan rate, data rate, acquisition rate",
     ),
     (
         Key::Gains,
-        &[
-            "gain",
-            "gains",
-            "scale",
-            "scales",
-            "scaling",
-            "scale factor",
-            "factor",
-            "factors",
-            "faktor",
-            "skalierung",
-            "verstärkung",
-            "sensitivity",
-            "empfindlichkeit",
-            "range",
-            "bereich",
-            "offset",
-            "offsets",
-            "calibration",
-            "slope",
-            "conversion",
-            "multiplier",
-            "min",
-            "max",
-            "mean",
-            "zero",
-        ],
+        "gain, gains, scale, scales, scaling, scale factor, factor, factors, faktor, skalierung, verstärkung, \
+         sensitivity, empfindlichkeit, range, bereich, offset, offsets, calibration, slope, conversion, multiplier, min, \
+         max, mean, zero",
     ),
 ];
 
 fn key(cell: &str) -> Option<Key> {
     let name = cell.split(['(', '[', ':', '=']).next().unwrap_or_default().replace('_', " ").to_lowercase();
-    KEYS.iter().find(|(_, names)| names.contains(&name.trim())).map(|(key, _)| *key)
+    KEYS.iter().find(|(_, names)| names.split(", ").any(|known| known == name.trim())).map(|(key, _)| *key)
 }
 
 /// Finds the header in the rows `above` the numbers, of which the first has `columns` cells. A person may say that the names are in line

@@ -67,10 +67,6 @@ mod class {
 }
 
 /// Reads the file `bytes`.
-///
-/// # Errors
-///
-/// What is wrong with it.
 pub fn contents(bytes: &[u8]) -> Result<Contents, String> {
     let little = match bytes.get(126..128) {
         Some(b"IM") => true,
@@ -159,10 +155,6 @@ pub fn is_version_4(head: &[u8]) -> bool {
 }
 
 /// Reads the file `bytes` of version 4.
-///
-/// # Errors
-///
-/// What is wrong with it.
 pub fn contents_of_version_4(bytes: &[u8]) -> Result<Contents, String> {
     let mut contents = Contents::default();
     let mut rest = bytes;

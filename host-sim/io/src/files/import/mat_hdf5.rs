@@ -14,10 +14,6 @@ const NUMBERS: [&str; 11] =
     ["double", "single", "logical", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"];
 
 /// Reads the file `bytes`.
-///
-/// # Errors
-///
-/// What is wrong with it.
 pub fn contents(bytes: Vec<u8>) -> Result<Contents, String> {
     let file = File::from_bytes(bytes).map_err(|_| DAMAGED)?;
     let mut contents = Contents::default();

@@ -81,7 +81,7 @@ impl Doubt {
     fn about(name: &str, quantity: Option<Quantity>, request: &Request<'_>) -> Option<Self> {
         let words = words(name);
         let says =
-            |parts: &[&str]| parts.iter().any(|part| is_within(part, name) || words.iter().any(|w| has(w, part)));
+            |parts: &str| parts.split(' ').any(|part| is_within(part, name) || words.iter().any(|w| has(w, part)));
         // What was asked for is what a reference and the command of an amplifier are.
         let may_be_ordered = !request.wants(Quantity::Voltage) && !request.wants(Quantity::Force)
             || matches!(quantity, Some(Quantity::Command | Quantity::Time | Quantity::Stretch | Quantity::Stress));
@@ -184,8 +184,8 @@ impl Title {
 fn is_of_amplifier(name: &str) -> bool {
     let words = words(name);
     let is_word =
-        |word: &&str| words.iter().any(|other| other == word) && !matches!(*word, "input" | "output" | "control");
-    let says = OF_TWO_VOLTAGES.iter().flat_map(|(_, candidates)| *candidates).any(is_word);
+        |word: &str| words.iter().any(|other| other == word) && !matches!(word, "input" | "output" | "control");
+    let says = OF_TWO_VOLTAGES.iter().flat_map(|(_, candidates)| candidates.split(' ')).any(is_word);
     says && !words.iter().any(|word| matches!(word.as_str(), "current" | "i" | "strom" | "courant"))
 }
 
@@ -285,7 +285,7 @@ fn without_brackets(title: &str) -> (String, Vec<String>) {
 /// The quantity of a name of one letter.
 fn letter_quantity(name: &str) -> Option<Quantity> {
     let name = name.trim().to_lowercase();
-    LETTERS.iter().find(|(_, letters)| letters.contains(&name.as_str())).map(|(quantity, _)| *quantity)
+    LETTERS.iter().find(|(_, letters)| letters.split(' ').any(|letter| letter == name)).map(|(quantity, _)| *quantity)
 }
 
 /// The quantity that the words of `name` mean in a file of `request`.
@@ -297,14 +297,14 @@ fn quantity(name: &str, request: &Request<'_>) -> Option<Quantity> {
         return Some(quantity);
     }
     let words = words(name);
-    let says = |candidates: &[&str]| {
-        candidates.iter().any(|candidate| words.iter().any(|word| word == candidate) || is_within(candidate, name))
+    let says = |candidates: &str| {
+        candidates.split(' ').any(|candidate| words.iter().any(|word| word == candidate) || is_within(candidate, name))
     };
-    let only = |named: &mut dyn Iterator<Item = &(Quantity, &[&str])>| match (named.next(), named.next()) {
+    let only = |named: &mut dyn Iterator<Item = &(Quantity, &str)>| match (named.next(), named.next()) {
         (Some((quantity, _)), None) => Some(*quantity),
         _ => None,
     };
-    let of_two = |(_, candidates): &&(Quantity, &[&str])| request.wants(Quantity::Command) && says(candidates);
+    let of_two = |(_, candidates): &&(Quantity, &str)| request.wants(Quantity::Command) && says(candidates);
     if let Some(quantity) = only(&mut OF_TWO_VOLTAGES.iter().filter(of_two)) {
         return Some(quantity);
     }

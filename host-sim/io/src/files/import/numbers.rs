@@ -42,35 +42,12 @@ pub enum Cell<'a> {
 }
 
 /// Words of instruments and spreadsheets for a reading that is missing or out of range, in small letters and without a sign.
-const OUT_OF_RANGE: [&str; 27] = [
-    "∞",
-    "inf",
-    "infinity",
-    "ol",
-    "o.l.",
-    "o.l",
-    "ovl",
-    "ovld",
-    "ovr",
-    "over",
-    "overload",
-    "overrange",
-    "overflow",
-    "underflow",
-    "fffffff",
-    "1.#qnan",
-    "1.#ind",
-    "1.#inf",
-    "1.#snan",
-    "#div/0!",
-    "#value!",
-    "#num!",
-    "#ref!",
-    "*****",
-    "invalid",
-    "err",
-    "error",
-];
+const OUT_OF_RANGE: &str = "∞ inf infinity ol o.l. o.l ovl ovld ovr over overload overrange overflow underflow fffffff 1.#qnan 1.#ind 1.#inf \
+    1.#snan #div/0! #value! #num! #ref! ***** invalid err error";
+
+fn is_out_of_range(word: &str) -> bool {
+    OUT_OF_RANGE.split(' ').any(|known| known == word)
+}
 
 /// Numbers that instruments send for infinity and for no number (SCPI).
 const SCPI: std::ops::RangeInclusive<f64> = 9.9e37..=9.91e37;
@@ -85,7 +62,7 @@ pub fn cell(text: &str, decimal: Decimal) -> Cell<'_> {
     }
     match text.to_lowercase().as_str() {
         "" | "nan" | "na" | "n/a" | "#n/a" | "null" | "none" | "-" | "--" | "---" => Cell::Nothing,
-        other if OUT_OF_RANGE.contains(&other.trim_start_matches(['+', '-', '>', '<'])) => Cell::OutOfRange,
+        other if is_out_of_range(other.trim_start_matches(['+', '-', '>', '<'])) => Cell::OutOfRange,
         _ => Cell::Text(text),
     }
 }

@@ -40,10 +40,6 @@ const MAX_ROWS: u32 = 1 << 20;
 
 /// The sheets of the workbook `bytes`; the one that is named `only`, if a name is given. Texts are numbers with the sign `decimal` if it is
 /// given.
-///
-/// # Errors
-///
-/// What is wrong with the file.
 pub fn sheets(bytes: Vec<u8>, only: Option<&str>, decimal: Option<Decimal>) -> Result<Vec<Sheet>, String> {
     // The reader of the workbook is another's, and some damaged ones make it panic: that is a finding here, and no report of it is
     // printed.
