@@ -12,131 +12,46 @@ struct Quantity {
     units: &'static [(&'static str, f64)],
 }
 
-const VOLTAGE: Quantity = Quantity { si: "V", units: &[("V", 1.0), ("mV", 1e-3), ("kV", 1e3)] };
-const LENGTH: Quantity =
-    Quantity { si: "m", units: &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9)] };
-const TIME: Quantity = Quantity {
-    si: "s",
-    units: &[("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0), ("d", 86_400.0)],
-};
-const FREQUENCY: Quantity = Quantity { si: "Hz", units: &[("Hz", 1.0), ("mHz", 1e-3), ("kHz", 1e3), ("MHz", 1e6)] };
-const FIELD: Quantity = Quantity {
-    si: "V/m",
-    units: &[("V/m", 1.0), ("kV/m", 1e3), ("MV/m", 1e6), ("V/mm", 1e3), ("kV/mm", 1e6), ("V/um", 1e6)],
-};
-const SLEW: Quantity =
-    Quantity { si: "V/s", units: &[("V/s", 1.0), ("kV/s", 1e3), ("MV/s", 1e6), ("V/ms", 1e3), ("kV/ms", 1e6)] };
-const VELOCITY: Quantity =
-    Quantity { si: "m/s", units: &[("m/s", 1.0), ("cm/s", 1e-2), ("mm/s", 1e-3), ("um/s", 1e-6)] };
-const ACCELERATION: Quantity =
-    Quantity { si: "m/s2", units: &[("m/s2", 1.0), ("cm/s2", 1e-2), ("mm/s2", 1e-3), ("um/s2", 1e-6)] };
-const AREA: Quantity = Quantity { si: "m2", units: &[("m2", 1.0), ("cm2", 1e-4), ("mm2", 1e-6), ("um2", 1e-12)] };
-const SHARE: Quantity = Quantity { si: "", units: &[("%", 1e-2)] };
-const NUMBER: Quantity = Quantity { si: "", units: &[] };
-
 /// Sizes of the numbers that are taken, beside 0: no instrument of this field is beyond.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-15..=1e15;
 
 /// Result of a parser: the value in SI units, or what is wrong with the text.
 pub type Parsed = std::result::Result<f64, String>;
 
-/// A voltage, V.
-///
-/// # Errors
-///
-/// Text that is not a finite number with a unit of this quantity; so are those of all parsers here.
-pub fn volts(text: &str) -> Parsed {
-    VOLTAGE.parse(text)
+/// A parser for each quantity: the unit of a plain number, and the units with their sizes. Each refuses text that is not a finite number with
+/// one of them.
+macro_rules! parsers {
+    ($($(#[$doc:meta])* $name:ident($si:literal) $([$($unit:literal = $size:literal),*])?;)*) => {
+        $($(#[$doc])*
+        pub fn $name(text: &str) -> Parsed {
+            Quantity { si: $si, units: &[$($(($unit, $size)),*)?] }.parse(text)
+        })*
+    };
 }
 
-/// A length, m.
-///
-/// # Errors
-///
-/// As [`volts`].
-pub fn metres(text: &str) -> Parsed {
-    LENGTH.parse(text)
-}
-
-/// A time, s.
-///
-/// # Errors
-///
-/// As [`volts`].
-pub fn seconds(text: &str) -> Parsed {
-    TIME.parse(text)
-}
-
-/// A frequency or a rate, Hz.
-///
-/// # Errors
-///
-/// As [`volts`].
-pub fn hertz(text: &str) -> Parsed {
-    FREQUENCY.parse(text)
-}
-
-/// An electric field, V/m.
-///
-/// # Errors
-///
-/// As [`volts`].
-pub fn volts_per_metre(text: &str) -> Parsed {
-    FIELD.parse(text)
-}
-
-/// A change of voltage, V/s.
-///
-/// # Errors
-///
-/// As [`volts`].
-pub fn volts_per_second(text: &str) -> Parsed {
-    SLEW.parse(text)
-}
-
-/// A speed, m/s.
-///
-/// # Errors
-///
-/// As [`volts`].
-pub fn metres_per_second(text: &str) -> Parsed {
-    VELOCITY.parse(text)
-}
-
-/// An acceleration, m/s².
-///
-/// # Errors
-///
-/// As [`volts`].
-pub fn metres_per_second_squared(text: &str) -> Parsed {
-    ACCELERATION.parse(text)
-}
-
-/// An area, m².
-///
-/// # Errors
-///
-/// As [`volts`].
-pub fn square_metres(text: &str) -> Parsed {
-    AREA.parse(text)
-}
-
-/// A share of 1, or in %.
-///
-/// # Errors
-///
-/// As [`volts`].
-pub fn share(text: &str) -> Parsed {
-    SHARE.parse(text)
-}
-
-/// A number without a unit.
-///
-/// # Errors
-///
-/// As [`volts`].
-pub fn number(text: &str) -> Parsed {
-    NUMBER.parse(text)
+parsers! {
+    /// A voltage, V.
+    volts("V") ["V" = 1.0, "mV" = 1e-3, "kV" = 1e3];
+    /// A length, m.
+    metres("m") ["m" = 1.0, "cm" = 1e-2, "mm" = 1e-3, "um" = 1e-6, "nm" = 1e-9];
+    /// A time, s.
+    seconds("s") ["s" = 1.0, "ms" = 1e-3, "us" = 1e-6, "min" = 60.0, "h" = 3600.0, "d" = 86_400.0];
+    /// A frequency or a rate, Hz.
+    hertz("Hz") ["Hz" = 1.0, "mHz" = 1e-3, "kHz" = 1e3, "MHz" = 1e6];
+    /// An electric field, V/m.
+    volts_per_metre("V/m") ["V/m" = 1.0, "kV/m" = 1e3, "MV/m" = 1e6, "V/mm" = 1e3, "kV/mm" = 1e6, "V/um" = 1e6];
+    /// A change of voltage, V/s.
+    volts_per_second("V/s") ["V/s" = 1.0, "kV/s" = 1e3, "MV/s" = 1e6, "V/ms" = 1e3, "kV/ms" = 1e6];
+    /// A speed, m/s.
+    metres_per_second("m/s") ["m/s" = 1.0, "cm/s" = 1e-2, "mm/s" = 1e-3, "um/s" = 1e-6];
+    /// An acceleration, m/s².
+    metres_per_second_squared("m/s2") ["m/s2" = 1.0, "cm/s2" = 1e-2, "mm/s2" = 1e-3, "um/s2" = 1e-6];
+    /// An area, m².
+    square_metres("m2") ["m2" = 1.0, "cm2" = 1e-4, "mm2" = 1e-6, "um2" = 1e-12];
+    /// A share of 1, or in %.
+    share("") ["%" = 1e-2];
+    /// A number without a unit.
+    number("");
 }
 
 impl Quantity {
@@ -231,10 +146,6 @@ fn number_length(text: &str) -> usize {
 }
 
 /// Refuses a value that is not finite and greater than 0.
-///
-/// # Errors
-///
-/// [`Error::Field`].
 pub fn positive(option: &'static str, value: f64) -> Result<()> {
     if value.is_finite() && value > 0.0 {
         Ok(())
@@ -244,10 +155,6 @@ pub fn positive(option: &'static str, value: f64) -> Result<()> {
 }
 
 /// Refuses a value outside 0 to `most`.
-///
-/// # Errors
-///
-/// [`Error::Field`].
 pub fn at_most(option: &'static str, value: f64, most: f64) -> Result<()> {
     if (0.0..=most).contains(&value) {
         Ok(())

@@ -71,61 +71,85 @@ pub enum Verdict {
     No,
 }
 
-#[derive(Debug, Subcommand)]
-enum CliCommand {
+/// An enum of the commands with their arguments, and the function that runs one of them.
+macro_rules! commands {
+    ($($(#[$meta:meta])* $Command:ident($arguments:ty, $run:path),)*) => {
+        #[derive(Debug, Subcommand)]
+        enum CliCommand {
+            $($(#[$meta])* $Command(Box<$arguments>)),*
+        }
+
+        impl CliCommand {
+            fn run(&self, json: bool) -> Result<Verdict> {
+                match self {
+                    $(Self::$Command(arguments) => $run(arguments, json).map(Into::into)),*
+                }
+            }
+        }
+    };
+}
+
+/// A command that only does its work.
+impl From<()> for Verdict {
+    fn from((): ()) -> Self {
+        Self::Yes
+    }
+}
+
+commands! {
     /// Do everything once: fit recordings, replay them, follow a sine; three simulated recordings if none are given.
-    Demo(demo::Arguments),
+    Demo(demo::Arguments, demo::run),
     /// Take a film that is not known yet to one that follows, on a bench, with a record. Exit status 1 if it does not.
-    Commission(Box<commission::Arguments>),
+    Commission(commission::Arguments, commission::run),
     /// Show whether a record of commissioning and its files are as they were sealed. Exit status 1 if it does not pass.
-    Verify(commission::VerifyArguments),
+    Verify(commission::VerifyArguments, commission::verify),
     /// Turn files of other programs (text, .xlsx, .mat) into recordings, and report how they were read.
-    Import(import::Arguments),
+    Import(import::Arguments, import::run),
     /// Report whether recordings identify a film, and what to record instead. Exit status 1 if they do not.
-    Check(check::Arguments),
+    Check(check::Arguments, check::run),
     /// Write a voltage over time that identifies a film, within a board's limits.
-    Profile(profile::Arguments),
+    Profile(profile::Arguments, profile::run),
     /// Compute the response to a recorded input.
-    Simulate(simulate::Arguments),
+    Simulate(simulate::Arguments, simulate::run),
     /// Compute the response to recorded inputs and compare it with what was measured.
-    Replay(replay::Arguments),
+    Replay(replay::Arguments, replay::run),
     /// Find the parameters of the model from recordings.
-    Fit(Box<fit::Arguments>),
+    Fit(fit::Arguments, fit::run),
     /// Compute the voltage that makes the film follow a reference, or check whether there is one.
-    Feedforward(feedforward::Arguments),
+    Feedforward(feedforward::Arguments, feedforward::run),
     /// Run the observer over a recording: estimate, disturbance, innovation.
-    Observe(observe::Arguments),
+    Observe(observe::Arguments, observe::run),
     /// Let a controller follow a reference on a nonlinear film.
-    ClosedLoop(Box<closed_loop::Arguments>),
+    ClosedLoop(closed_loop::Arguments, closed_loop::run),
     /// Find how fast an amplifier follows, from a log of command and monitor.
-    Amplifier(amplifier::Arguments),
+    Amplifier(amplifier::Arguments, amplifier::run),
     /// Write a reference to follow: sine, triangle, steps or random walk.
-    Reference(reference::Arguments),
+    Reference(reference::Arguments, reference::run),
     /// Fit other models of creep to the same recordings, in one table.
-    Compare(Box<compare::Arguments>),
+    Compare(compare::Arguments, compare::run),
     /// Repeat the paper's study on recordings: joint and single fits, both methods and topologies, tables and figures.
-    Study(study::Arguments),
+    Study(study::Arguments, study::run),
     /// Turn a material test (stretch and stress) into a recording of a body (displacement and force).
-    Convert(convert::Arguments),
+    Convert(convert::Arguments, convert::run),
     /// Write the parameter blob for the firmware.
-    Export(export::Arguments),
+    Export(export::Arguments, export::run),
     /// Step recordings through the firmware, in QEMU or on a board, and compare it with this host bit by bit.
-    Pil(pil::Arguments),
+    Pil(pil::Arguments, pil::run),
     /// Talk to a controller.
-    Link(Box<link::Arguments>),
+    Link(link::Arguments, link::run),
     /// Follow a reference through a high-voltage supply at a serial port, with this host as the controller.
-    Run(run::Arguments),
+    Run(run::Arguments, run::run),
     /// Find a smaller model with the same response.
-    Reduce(reduce::Arguments),
+    Reduce(reduce::Arguments, reduce::run),
     /// Tabulate displacement over force against frequency.
-    FrequencyResponse(frequency_response::Arguments),
+    FrequencyResponse(frequency_response::Arguments, frequency_response::run),
     /// Simulate a recording of a nonlinear film.
     #[command(visible_alias = "twin")]
-    Plant(plant::Arguments),
+    Plant(plant::Arguments, plant::run),
     /// Print the completion script for a shell.
-    Completions(completions::Arguments),
+    Completions(completions::Arguments, completions::run),
     /// Print the man page, or write those of all commands into a folder.
-    Man(man::Arguments),
+    Man(man::Arguments, man::run),
 }
 
 /// The command line with its examples, for help, completions and man pages.
@@ -155,35 +179,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<Verdict> {
         (false, true) => Verbosity::Verbose,
     });
     interrupt::install();
-    match cli.command {
-        CliCommand::Commission(arguments) => return commission::run(&arguments, cli.json),
-        CliCommand::Verify(arguments) => return commission::verify(&arguments, cli.json),
-        CliCommand::Check(arguments) => return check::run(&arguments, cli.json),
-        CliCommand::Feedforward(arguments) => return feedforward::run(&arguments, cli.json),
-        CliCommand::Demo(arguments) => demo::run(&arguments, cli.json),
-        CliCommand::Import(arguments) => import::run(&arguments, cli.json),
-        CliCommand::Profile(arguments) => profile::run(&arguments, cli.json),
-        CliCommand::Simulate(arguments) => simulate::run(&arguments, cli.json),
-        CliCommand::Replay(arguments) => replay::run(&arguments, cli.json),
-        CliCommand::Fit(arguments) => fit::run(&arguments, cli.json),
-        CliCommand::Observe(arguments) => observe::run(&arguments, cli.json),
-        CliCommand::ClosedLoop(arguments) => closed_loop::run(&arguments, cli.json),
-        CliCommand::Amplifier(arguments) => amplifier::run(&arguments, cli.json),
-        CliCommand::Reference(arguments) => reference::run(&arguments, cli.json),
-        CliCommand::Compare(arguments) => compare::run(&arguments, cli.json),
-        CliCommand::Study(arguments) => study::run(&arguments, cli.json),
-        CliCommand::Convert(arguments) => convert::run(&arguments, cli.json),
-        CliCommand::Export(arguments) => export::run(&arguments, cli.json),
-        CliCommand::Pil(arguments) => pil::run(&arguments, cli.json),
-        CliCommand::Link(arguments) => link::run(&arguments, cli.json),
-        CliCommand::Run(arguments) => run::run(&arguments, cli.json),
-        CliCommand::Reduce(arguments) => reduce::run(&arguments, cli.json),
-        CliCommand::FrequencyResponse(arguments) => frequency_response::run(&arguments, cli.json),
-        CliCommand::Plant(arguments) => plant::run(&arguments, cli.json),
-        CliCommand::Completions(arguments) => completions::run(&arguments, cli.json),
-        CliCommand::Man(arguments) => man::run(&arguments, cli.json),
-    }
-    .map(|()| Verdict::Yes)
+    cli.command.run(cli.json)
 }
 
 /// Checks the rate (Hz) of a controller and rounds it to single precision, as the controller stores it.

@@ -49,12 +49,14 @@ pub(super) struct Basis {
     columns: Vec<Vec<f64>>,
     /// 0 for blocks that are left out, otherwise 1.
     kept: Vec<f64>,
+    /// Part of a column that must be new beside the others.
+    new: f64,
     pub(super) rest: Vec<f64>,
 }
 
 impl Basis {
-    fn new(reading: &[f64], kept: &[f64]) -> Self {
-        Self { columns: Vec::new(), kept: kept.to_vec(), rest: product(reading, kept) }
+    pub(super) fn new(reading: &[f64], kept: &[f64], new: f64) -> Self {
+        Self { columns: Vec::new(), kept: kept.to_vec(), new, rest: product(reading, kept) }
     }
 
     /// Adds `column`, if it is not a sum of the others, and returns how much of it the readings have beside those.
@@ -75,7 +77,7 @@ impl Basis {
         }
         let left = norm(&column);
         column.iter_mut().for_each(|value| *value /= left);
-        (left > NEW * size).then_some((column, left))
+        (left > self.new * size).then_some((column, left))
     }
 
     /// Sum of squares of what is left.
@@ -287,7 +289,7 @@ impl Blocks {
     /// The film of which nothing creeps in less than `shortest_s`, and which follows so many powers of the load.
     fn film_from(&self, drives: &[Vec<f64>], shortest_s: f64, powers: i32) -> Basis {
         let longest_s = self.longest_s();
-        let mut basis = Basis::new(&self.reading, &self.kept);
+        let mut basis = Basis::new(&self.reading, &self.kept, NEW);
         basis.add(&vec![1.0; self.reading.len()]);
         let loads: Vec<Vec<f64>> = self.courses.iter().zip(drives).map(|(course, drive)| course.load(drive)).collect();
         for power in 1..=powers {

@@ -6,6 +6,7 @@
 use host_fft::Planner;
 use num_complex::Complex;
 
+use super::explained::Basis;
 use super::observation::Observation;
 use super::statistics::{median, percentile_range, range, robust_deviation};
 use crate::grid::Grid;
@@ -173,26 +174,12 @@ fn unpredicted(drive: &[f64], measured: &[f64]) -> Vec<f64> {
     let driven = [drive.to_vec(), square].map(|values| differences(values, OF_DRIVE));
     let last = |values: &Vec<f64>| values[values.len() - count..].to_vec();
     let columns = std::iter::once(vec![1.0; count]).chain(before.iter().chain(driven.iter().flatten()).map(last));
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let subtract = |values: &mut [f64], units: &[Vec<f64>]| {
-        for unit in units.iter().chain(units) {
-            let share = dot(values, unit);
-            values.iter_mut().zip(unit).for_each(|(value, unit)| *value -= share * unit);
-        }
-    };
-    let mut units: Vec<Vec<f64>> = Vec::new();
-    for mut column in columns {
-        let size = dot(&column, &column).sqrt();
-        subtract(&mut column, &units);
-        let left = dot(&column, &column).sqrt();
-        if left > 1e-9 * size {
-            column.iter_mut().for_each(|value| *value /= left);
-            units.push(column);
-        }
-    }
-    let mut rest = measured[ORDER..].to_vec();
-    subtract(&mut rest, &units);
-    rest
+    let kept = vec![1.0; count];
+    let mut basis = Basis::new(&measured[ORDER..], &kept, 1e-9);
+    columns.for_each(|column| {
+        basis.add(&column);
+    });
+    basis.rest
 }
 
 /// Two series at the lag at which they are most alike.

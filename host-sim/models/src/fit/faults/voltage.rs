@@ -3,12 +3,15 @@
 use rayon::prelude::*;
 
 use super::{Cause, Change, Effect, Fault, SIZE, State};
+use crate::grid::Samples;
 
-/// Voltages with one parameter: its grid, the voltage on the film, the finding, the advice, and the effect.
+/// Voltages with one parameter: its grid, the voltage on the film, the finding with `{}` for the parameter, how that is written, the advice, and
+/// the effect.
 type Family<'a> = (
     &'a [f64],
     &'a (dyn Fn(f64, &[f64], &[f64]) -> Vec<f64> + Sync),
-    &'a (dyn Fn(f64) -> String + Sync),
+    &'a str,
+    fn(f64) -> String,
     &'static str,
     fn(f64) -> Effect,
 );
@@ -41,7 +44,7 @@ impl State {
         let is_better = with < PLAINER * without && with < AS_GOOD * self.basis.square() && size > SIZE;
         (is_better && is_crossed).then(|| Fault {
             file: None,
-            finding: dead_band(share),
+            finding: DEAD_BAND.replace("{}", &percent(share)),
             advice: ZERO,
             size,
             effect: Effect::Other,
@@ -62,131 +65,98 @@ impl State {
         });
         let steepest = percentile(slopes.collect(), 0.995);
         let has_both = self.drives.iter().flatten().any(|volts| *volts < -0.05);
-        let percent = |share: f64| format!("{:.0} %", 100.0 * share.abs());
         let families: [Family<'_>; 12] = [
             (
                 &[0.05, 0.1, 0.2, 0.4],
                 &ahead,
-                &|lag_s| {
-                    format!(
-                        "the recorded voltage lags the one on the film by about {:.0} ms: a slow monitor",
-                        1e3 * lag_s
-                    )
-                },
+                "the recorded voltage lags the one on the film by about {}: a slow monitor",
+                milliseconds,
                 CLOCK,
                 |lag_s| Effect::Lag(-lag_s),
             ),
             (
                 &[0.05, 0.1, 0.2, 0.4, 0.8],
                 &|lag_s, time_s, volts| lagged(time_s, volts, lag_s, lag_s),
-                &|lag_s| {
-                    format!(
-                        "the voltage on the film lags the recorded one by about {:.0} ms: an amplifier behind its command, or a late sensor",
-                        1e3 * lag_s
-                    )
-                },
+                "the voltage on the film lags the recorded one by about {}: an amplifier behind its command, or a late sensor",
+                milliseconds,
                 MONITOR,
                 Effect::Lag,
             ),
             (
                 &[0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2],
                 &|lag_s, time_s, volts| lagged(time_s, volts, 0.0, lag_s),
-                &|lag_s| {
-                    format!(
-                        "the voltage on the film lags the recorded one by about {:.0} ms as it falls: an amplifier without a bleeder",
-                        1e3 * lag_s
-                    )
-                },
+                "the voltage on the film lags the recorded one by about {} as it falls: an amplifier without a bleeder",
+                milliseconds,
                 MONITOR,
                 Effect::Lag,
             ),
             (
                 &[-0.05, -0.1, -0.2, -0.4, -0.8],
                 &shifted,
-                &|s| {
-                    format!(
-                        "the voltage lags the stroke by about {:.0} ms: a slow monitor, or clocks that differ",
-                        -1e3 * s
-                    )
-                },
+                "the voltage lags the stroke by about {}: a slow monitor, or clocks that differ",
+                milliseconds,
                 CLOCK,
                 Effect::Lag,
             ),
             (
                 &[0.9, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02],
                 &|share, time_s, volts| limited(time_s, volts, share * steepest),
-                &|share| {
-                    format!(
-                        "the voltage on the film changes by at most {} of the recorded slope: an amplifier at its current limit",
-                        percent(share)
-                    )
-                },
+                "the voltage on the film changes by at most {} of the recorded slope: an amplifier at its current limit",
+                percent,
                 MONITOR,
                 OTHER,
             ),
             (
                 &[0.95, 0.85, 0.75, 0.65, 0.55, 0.4],
                 &|share, _, volts| volts.iter().map(|v| v.clamp(-share, share)).collect(),
-                &|share| {
-                    format!(
-                        "the voltage on the film ends at about {} of the largest recorded: an amplifier at the end of its range",
-                        percent(share)
-                    )
-                },
+                "the voltage on the film ends at about {} of the largest recorded: an amplifier at the end of its range",
+                percent,
                 MONITOR,
                 OTHER,
             ),
-            (&[0.03, 0.1, 0.2, 0.3, 0.4], &|share, _, volts| beyond(share, volts), &dead_band, ZERO, OTHER),
+            (&[0.03, 0.1, 0.2, 0.3, 0.4], &|share, _, volts| beyond(share, volts), DEAD_BAND, percent, ZERO, OTHER),
             (
                 &[-0.2, -0.1, -0.04, 0.04, 0.1, 0.2],
                 &|share, _, volts| volts.iter().map(|v| v + share).collect(),
-                &|share| {
-                    format!(
-                        "the voltage on the film differs from the recorded one by about {} of the largest: a wrong zero of the monitor",
-                        percent(share)
-                    )
-                },
+                "the voltage on the film differs from the recorded one by about {} of the largest: a wrong zero of the monitor",
+                percent,
                 ZERO,
                 OTHER,
             ),
             (
                 &[0.05, 0.1, 0.2, 0.4, 0.8],
                 &shifted,
-                &|s| {
-                    format!(
-                        "the stroke lags the drive by about {:.0} ms: a late sensor, or an amplifier behind its command",
-                        1e3 * s
-                    )
-                },
+                "the stroke lags the drive by about {}: a late sensor, or an amplifier behind its command",
+                milliseconds,
                 "`sensor_delay_s` states a known delay; record both with one clock and without filters",
                 Effect::Lag,
             ),
             (
                 &[0.0],
                 &|_, time_s, volts| arched(time_s, volts),
-                &|_| {
-                    "the drive ends at one level beyond which the film goes on: a monitor at the end of its range"
-                        .into()
-                },
+                "the drive ends at one level beyond which the film goes on: a monitor at the end of its range",
+                percent,
                 "use a larger range of the monitor",
                 OTHER,
             ),
             (
                 &[0.005],
                 &smoothed,
-                &|_| "the voltage is recorded in steps that the film does not follow".into(),
+                "the voltage is recorded in steps that the film does not follow",
+                percent,
                 "record the voltage as finely as the stroke",
                 OTHER,
             ),
             (
                 &[0.0],
                 &|_, _, volts| volts.iter().map(|v| if has_both { v.max(0.0) } else { *v }).collect(),
-                &|_| "the film follows one polarity only: an amplifier of one polarity".into(),
+                "the film follows one polarity only: an amplifier of one polarity",
+                percent,
                 MONITOR,
                 OTHER,
             ),
         ];
-        let best = |(grid, drive, finding, advice, effect): &Family<'_>| {
+        let best = |(grid, drive, finding, written, advice, effect): &Family<'_>| {
             let change = |p: f64| {
                 let drives = courses.iter().zip(&self.drives).map(|(course, volts)| drive(p, &course.time_s, volts));
                 Change::Drives(drives.collect())
@@ -201,17 +171,21 @@ impl State {
                     p = least(&[p * (1.0 - reach), p, p * (1.0 + reach)])?;
                 }
             }
-            Some(Cause { finding: finding(p), advice, recording: None, change: change(p), effect: effect(p) })
+            let finding = finding.replace("{}", &written(p));
+            Some(Cause { finding, advice, recording: None, change: change(p), effect: effect(p) })
         };
         families.par_iter().filter_map(best).collect()
     }
 }
 
-fn dead_band(share: f64) -> String {
-    format!(
-        "the film does not follow voltages below about {:.0} % of the largest: a dead band of the amplifier",
-        100.0 * share
-    )
+const DEAD_BAND: &str = "the film does not follow voltages below about {} of the largest: a dead band of the amplifier";
+
+fn percent(share: f64) -> String {
+    format!("{:.0} %", 100.0 * share.abs())
+}
+
+fn milliseconds(time_s: f64) -> String {
+    format!("{:.0} ms", 1e3 * time_s.abs())
 }
 
 /// `volts` without the part within `share`.
@@ -226,12 +200,7 @@ fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
 
 /// `volts` later by `shift_s`.
 pub(super) fn shifted(shift_s: f64, time_s: &[f64], volts: &[f64]) -> Vec<f64> {
-    let at = |t: f64| {
-        let k = time_s.partition_point(|time| *time <= t).clamp(1, time_s.len() - 1);
-        let share = ((t - time_s[k - 1]) / (time_s[k] - time_s[k - 1])).clamp(0.0, 1.0);
-        volts[k - 1] + share * (volts[k] - volts[k - 1])
-    };
-    time_s.iter().map(|t| at(t - shift_s)).collect()
+    Samples { time_s: time_s.to_vec(), value: volts.to_vec() }.at(time_s.iter().map(|t| t - shift_s))
 }
 
 /// `volts` in straight lines between the middles of the steps in which they stay within `band`.
@@ -246,13 +215,8 @@ fn smoothed(band: f64, time_s: &[f64], volts: &[f64]) -> Vec<f64> {
     }
     corners.push((time_s[time_s.len() - 1], volts[volts.len() - 1]));
     corners.dedup_by(|a, b| a.0 <= b.0);
-    let (times, values): (Vec<f64>, Vec<f64>) = corners.into_iter().unzip();
-    let at = |t: &f64| {
-        let k = times.partition_point(|time| time <= t).clamp(1, times.len() - 1);
-        let share = ((t - times[k - 1]) / (times[k] - times[k - 1])).clamp(0.0, 1.0);
-        values[k - 1] + share * (values[k] - values[k - 1])
-    };
-    time_s.iter().map(at).collect()
+    let (corner_s, value) = corners.into_iter().unzip();
+    Samples { time_s: corner_s, value }.at(time_s.iter().copied())
 }
 
 /// `volts` with the tops that end at the largest value replaced by parabolas, as the slopes beside them continue.
