@@ -40,10 +40,6 @@ pub fn verbosity() -> Verbosity {
 }
 
 /// Prints `text` on standard output. A closed pipe is no error.
-///
-/// # Errors
-///
-/// [`Error::Computation`] where standard output cannot be written.
 pub fn print(text: &str) -> Result<()> {
     let mut out = anstream::AutoStream::auto(io::stdout()).lock();
     let written = out.write_all(text.as_bytes()).and_then(|()| out.write_all(b"\n")).and_then(|()| out.flush());
@@ -54,10 +50,6 @@ pub fn print(text: &str) -> Result<()> {
 }
 
 /// Prints `document` as JSON, or else `text`.
-///
-/// # Errors
-///
-/// As [`print()`].
 pub fn report<D: Serialize>(json: bool, document: &D, text: impl FnOnce() -> String) -> Result<()> {
     if json {
         print(&serde_json::to_string(document).map_err(|e| Error::Computation(format!("JSON: {e}")))?)

@@ -18,10 +18,6 @@ pub struct Compression {
 
 impl Compression {
     /// The bounds of the default law of `film` in f32 at `rate_hz`.
-    ///
-    /// # Errors
-    ///
-    /// As [`Film::compressed_law`].
     pub fn new(film: Film<'_>, rate_hz: f64) -> Result<Self> {
         let law = film.compressed_law::<f32>(rate_hz)?;
         Ok(Self { rate_hz, bound: film.compression_bound(&law) })

@@ -29,10 +29,6 @@ impl Default for Criterion {
 
 impl Criterion {
     /// Refuses frequencies and tolerances that make no sense.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Field`] naming what cannot be used.
     fn check(self) -> Result<()> {
         if !(1e-12..=1e12).contains(&self.from_hz) {
             return Err(Error::field("from_hz", format!("{:?} Hz must be from 1e-12 to 1e12", self.from_hz)));

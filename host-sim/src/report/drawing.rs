@@ -20,10 +20,6 @@ pub fn svg(figure: &Figure) -> String {
 }
 
 /// `figure` as the bytes of a PNG file.
-///
-/// # Errors
-///
-/// The cause in words.
 pub fn png(figure: &Figure) -> Result<Vec<u8>, String> {
     PngBackend::new().with_scale(SCALE).render_scene(&scene(figure))
 }

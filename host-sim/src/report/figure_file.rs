@@ -31,10 +31,6 @@ impl PlotOption {
 
     /// The figure to draw. Refuses, before long work begins, an unknown file extension, a file that could not be written, one of
     /// `inputs`, and one of the command's own `outputs`.
-    ///
-    /// # Errors
-    ///
-    /// [`Error`] naming the file.
     pub fn check(&self, inputs: &[&Path], outputs: &[&Path]) -> Result<Plot> {
         let Some(path) = self.path() else { return Ok(Plot { path: None, inputs: Vec::new() }) };
         let same =
@@ -74,10 +70,6 @@ impl Plot {
     }
 
     /// As [`stage`](Self::stage); a page has the `sections` of the document's numbers as well.
-    ///
-    /// # Errors
-    ///
-    /// As [`stage`](Self::stage).
     pub fn stage_with<D: Serialize>(
         &self,
         document: &D,

@@ -50,10 +50,6 @@ impl AmplifierLog {
     }
 
     /// Reads a log from CSV text; `path` is what errors name.
-    ///
-    /// # Errors
-    ///
-    /// As [`read`](Self::read).
     pub fn from_csv(path: &Path, csv: impl Read) -> Result<Self> {
         let (table, understood) = LOG.from_csv(path, csv)?;
         Self::new(path, table, understood)

@@ -9,10 +9,6 @@ use sha2::{Digest, Sha256};
 use crate::error::{Error, Result};
 
 /// SHA-256 of the file at `path`, in hexadecimal digits.
-///
-/// # Errors
-///
-/// [`Error::File`] where it cannot be read.
 pub fn sha256(path: &Path) -> Result<String> {
     let bytes = fs::read(path).map_err(|e| Error::file(path, e))?;
     Ok(Sha256::digest(&bytes).iter().fold(String::new(), |mut text, byte| {

@@ -55,10 +55,6 @@ impl Journal {
     }
 
     /// Adds a row; a value that is not a number leaves its cell empty.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::File`] where it cannot be written.
     pub fn push(&mut self, row: &[f64]) -> Result<()> {
         let cells: Vec<String> =
             row.iter().map(|value| if value.is_nan() { String::new() } else { value.to_string() }).collect();
@@ -66,10 +62,6 @@ impl Journal {
     }
 
     /// Flushes what has waited for long enough.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::File`] where it cannot be written.
     pub fn flush_if_due(&mut self) -> Result<()> {
         if self.flushed.elapsed() >= FLUSH_EVERY {
             self.flushed = Instant::now();
@@ -89,10 +81,6 @@ impl Journal {
     }
 
     /// Leaves the target as it is.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::File`] where that fails.
     pub fn discard(self) -> Result<()> {
         fs::remove_file(&self.part).map_err(|e| Error::file(&self.part, e))
     }

@@ -39,10 +39,6 @@ impl<const N: usize> Layout<N> {
     }
 
     /// Reads CSV text with the names of this tool; `path` is what errors name.
-    ///
-    /// # Errors
-    ///
-    /// As [`read`](Self::read).
     pub fn from_csv(&self, path: &Path, csv: impl Read) -> Result<(Table<N>, Understood)> {
         let series = self.ask(|request| import::from_csv(path, csv, request))?;
         Ok((self.table(&series), series.understood))

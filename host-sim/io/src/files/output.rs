@@ -12,10 +12,6 @@ use crate::terminal;
 
 /// Refuses, before long work begins, a file that could not be written later or that is one of `inputs`. With
 /// [`Folders::AreMade`] missing folders are no fault.
-///
-/// # Errors
-///
-/// [`Error::File`] naming the file.
 pub fn check(path: &Path, inputs: &[&Path], made: Folders) -> Result<()> {
     if let Ok(target) = path.canonicalize()
         && let Some(input) = inputs.iter().find(|input| input.canonicalize().is_ok_and(|input| input == target))
@@ -98,10 +94,6 @@ impl Staged {
     }
 
     /// Moves the file to its path.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::File`] where that fails.
     pub fn commit(self) -> Result<()> {
         self.file.persist(&self.target).map_err(|e| Error::file(&self.path, e.error))?;
         drop(self.half_written);
@@ -110,10 +102,6 @@ impl Staged {
 }
 
 /// Writes a file through `fill`. It appears at `path` once it is complete, and not at all if anything fails.
-///
-/// # Errors
-///
-/// [`Error::File`] where the file cannot be written.
 pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     Staged::new(path, fill)?.commit()
 }
@@ -124,19 +112,11 @@ fn folder_of(path: &Path) -> &Path {
 
 /// Writes columns of equal length as CSV; a column of `None`, or a value that is not a number,
 /// leaves its cells empty. Nothing but the header is above them, which other programs expect by default.
-///
-/// # Errors
-///
-/// As [`write_whole`].
 pub fn write_columns(path: &Path, columns: &[(&str, Option<&[f64]>)]) -> Result<()> {
     stage_columns(path, columns)?.commit()
 }
 
 /// The same, staged.
-///
-/// # Errors
-///
-/// As [`Staged::new`].
 pub fn stage_columns(path: &Path, columns: &[(&str, Option<&[f64]>)]) -> Result<Staged> {
     let rows = columns.iter().filter_map(|(_, values)| values.map(<[f64]>::len)).max().unwrap_or(0);
     stage_rows(path, columns, 0..rows)
@@ -221,10 +201,6 @@ pub struct Folder {
 
 impl Folder {
     /// The folder at `path`; it and those around it are made where they are missing.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::File`] where it cannot be made.
     pub fn at(path: &Path) -> Result<Self> {
         if path.is_file() {
             return Err(Error::file(path, "is a file; name a folder"));

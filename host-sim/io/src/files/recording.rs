@@ -95,20 +95,12 @@ impl Recording {
     }
 
     /// Reads the recording at `path`, of which a person says `hints`.
-    ///
-    /// # Errors
-    ///
-    /// As [`read`](Self::read).
     pub fn read_with(path: &Path, hints: &Hints) -> Result<Self> {
         let (table, understood) = RECORDING.read(path, hints)?;
         Ok(Self::new(path, table, understood))
     }
 
     /// Reads a recording from CSV text; `path` is what errors name.
-    ///
-    /// # Errors
-    ///
-    /// As [`read`](Self::read).
     pub fn from_csv(path: &Path, csv: impl Read) -> Result<Self> {
         let (table, understood) = RECORDING.from_csv(path, csv)?;
         Ok(Self::new(path, table, understood))
@@ -168,10 +160,6 @@ impl Recording {
     }
 
     /// SHA-256 of its file in hexadecimal digits; none of a recording that is no file.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::File`] where it cannot be read again.
     pub fn sha256(&self) -> Result<Option<String>> {
         self.is_file.then(|| digest::sha256(&self.path)).transpose()
     }
@@ -190,10 +178,6 @@ impl Recording {
     }
 
     /// Reads a reference at `path`, of which a person says `hints`: displacement over time, no voltage needed.
-    ///
-    /// # Errors
-    ///
-    /// As [`read`](Self::read).
     pub fn read_reference(path: &Path, hints: &Hints) -> Result<Self> {
         let (Table { time_s, columns: [displacement_m], .. }, understood) = REFERENCE.read(path, hints)?;
         Ok(Self {
@@ -296,10 +280,6 @@ impl Recording {
     }
 
     /// The measured displacement in m.
-    ///
-    /// # Errors
-    ///
-    /// [`Error`] if it is missing.
     pub fn displacement(&self) -> Result<Samples> {
         self.displacement_m.as_ref().map(|column| self.present(column)).ok_or_else(|| self.no_displacement())
     }

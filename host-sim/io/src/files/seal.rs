@@ -29,10 +29,6 @@ pub struct SealedFile {
 }
 
 /// The chain over `files`.
-///
-/// # Errors
-///
-/// [`Error::File`] for one that cannot be read.
 pub fn chain(files: &[PathBuf]) -> Result<Vec<SealedFile>> {
     let mut before = String::new();
     let link = |path: &PathBuf| {
@@ -45,10 +41,6 @@ pub fn chain(files: &[PathBuf]) -> Result<Vec<SealedFile>> {
 }
 
 /// Writes `record` (an object) to `path`, sealed with `files`, which are in the same folder.
-///
-/// # Errors
-///
-/// [`Error::File`] for a file that cannot be read or written.
 pub fn write(path: &Path, record: &impl Serialize, files: &[PathBuf]) -> Result<()> {
     let fault = |e: serde_json::Error| Error::file(path, e);
     let body = serde_json::to_string(record).map_err(fault)?;

@@ -99,10 +99,6 @@ impl Emulator {
     }
 
     /// Brings that image up to date.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Link`] where it cannot be built.
     pub fn build_image() -> Result<()> {
         let fault = |cause: String| Error::Link { port: "firmware".into(), cause };
         let project =

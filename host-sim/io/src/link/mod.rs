@@ -186,19 +186,11 @@ impl Client {
 
     /// Enables the amplifier at 0 V. From here on this conversation may start a run and set its targets. Returns the token with
     /// which another one may [go on](Self::go_on).
-    ///
-    /// # Errors
-    ///
-    /// As [`order`](Self::order).
     pub fn arm(&mut self) -> Result<u16> {
         self.arm_by(Command::Arm)
     }
 
     /// The same for a self-test: 500 V at the most.
-    ///
-    /// # Errors
-    ///
-    /// As [`order`](Self::order).
     pub fn arm_for_self_test(&mut self) -> Result<u16> {
         self.arm_by(Command::ArmForSelfTest)
     }
@@ -219,10 +211,6 @@ impl Client {
     }
 
     /// How things are.
-    ///
-    /// # Errors
-    ///
-    /// As [`ask`](Self::ask).
     pub fn status(&mut self) -> Result<Status> {
         match self.ask(Command::Status)? {
             Answer::Status(status) => Ok(status),
@@ -231,10 +219,6 @@ impl Client {
     }
 
     /// Uploads a parameter blob; it is kept over a reset if that is wanted.
-    ///
-    /// # Errors
-    ///
-    /// As [`order`](Self::order).
     pub fn upload(&mut self, blob: &[u8], keep: bool) -> Result<()> {
         for (index, piece) in blob.chunks(CHUNK).enumerate() {
             let bytes = piece.iter().copied().collect();
@@ -245,10 +229,6 @@ impl Client {
     }
 
     /// Steps of the loop test under `voltages`, a batch at the most, and the cycles they took.
-    ///
-    /// # Errors
-    ///
-    /// As [`ask`](Self::ask).
     pub fn step(&mut self, voltages: &[f32]) -> Result<(heapless::Vec<Step, BATCH>, u32)> {
         match self.ask(Command::Step(voltages.iter().copied().collect()))? {
             Answer::Steps { steps, cycles } if steps.len() == voltages.len() => Ok((steps, cycles)),
@@ -257,10 +237,6 @@ impl Client {
     }
 
     /// Whole ticks of the loop test on `codes`, a batch at the most, and the cycles they took.
-    ///
-    /// # Errors
-    ///
-    /// As [`ask`](Self::ask).
     pub fn tick(&mut self, mode: Mode, codes: &[TickCodes]) -> Result<(heapless::Vec<Ticked, BATCH>, u32)> {
         match self.ask(Command::Tick { mode, inputs: codes.iter().copied().collect() })? {
             Answer::Ticked { ticks, cycles } if ticks.len() == codes.len() => Ok((ticks, cycles)),
@@ -274,10 +250,6 @@ impl Client {
     }
 
     /// The next sample of a stream; nothing if none comes before `deadline`.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Link`] for a port that fails.
     pub fn sample(&mut self, deadline: Instant) -> Result<Option<Telemetry>> {
         if let Some(sample) = self.samples.pop_front() {
             return Ok(Some(sample));

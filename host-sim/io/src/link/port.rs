@@ -78,19 +78,11 @@ impl fmt::Debug for Port {
 
 impl Port {
     /// Opens `name`: a serial port such as /dev/ttyUSB0, or `tcp:HOST:PORT`.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Link`] where that fails.
     pub fn open(name: &str) -> Result<Self> {
         Self::open_at(name, BAUD)
     }
 
     /// The same at `baud` bits per second.
-    ///
-    /// # Errors
-    ///
-    /// As [`open`](Self::open).
     pub fn open_at(name: &str, baud: u32) -> Result<Self> {
         let fault = |cause: String| Error::Link { port: name.into(), cause };
         if let Some(address) = name.strip_prefix("tcp:") {
@@ -118,10 +110,6 @@ impl Port {
     }
 
     /// An existing connection, to a peer that answers within `patience`.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Link`] where it cannot be set up.
     pub fn over_tcp(name: &str, stream: TcpStream, patience: Duration) -> Result<Self> {
         stream
             .set_nodelay(true)
@@ -160,10 +148,6 @@ impl Port {
     }
 
     /// The next byte; nothing if none comes before `deadline`. Bytes that have come already are given after it as well.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Link`] for a line that is cut.
     pub fn byte(&mut self, deadline: Instant) -> Result<Option<u8>> {
         while self.next == self.buffer.len() {
             let now = Instant::now();

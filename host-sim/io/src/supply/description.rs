@@ -114,10 +114,6 @@ impl Supply {
     }
 
     /// The description in `text`; `path` is what errors name.
-    ///
-    /// # Errors
-    ///
-    /// As [`load`](Self::load).
     pub fn from_toml(path: &Path, text: &str) -> Result<Self> {
         let supply: Self = toml::from_str(text).map_err(|e| {
             let before = e.span().map_or("", |span| text.get(..span.start).unwrap_or_default());

@@ -15,17 +15,9 @@ pub trait Line {
     fn now_s(&self) -> f64;
 
     /// Sends `bytes`.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Link`](crate::Error::Link) for a line that is cut.
     fn send(&mut self, bytes: &[u8]) -> Result<()>;
 
     /// The next byte; nothing if none comes until `until_s`, which has passed then.
-    ///
-    /// # Errors
-    ///
-    /// As [`send`](Self::send).
     fn receive(&mut self, until_s: f64) -> Result<Option<u8>>;
 }
 
@@ -62,10 +54,6 @@ pub struct SerialLine {
 
 impl SerialLine {
     /// Opens `name` as [`Port::open_at`] does.
-    ///
-    /// # Errors
-    ///
-    /// As there.
     pub fn open(name: &str, baud: u32, start: Instant) -> Result<Self> {
         Ok(Self { port: Port::open_at(name, baud)?, start })
     }

@@ -31,10 +31,6 @@ impl Sensor {
     }
 
     /// Reads what has come, and returns the newest reading (m) and its time (s).
-    ///
-    /// # Errors
-    ///
-    /// For a line that is cut.
     pub fn newest(&mut self) -> Result<Option<(f64, f64)>> {
         let mut burst = Burst::until(self.line.now_s() + 1e-3);
         while let Some(byte) = burst.next(&mut *self.line)? {

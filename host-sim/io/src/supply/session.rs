@@ -120,10 +120,6 @@ impl Session {
     }
 
     /// Commands `volts`, in the supply's steps, and returns them.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Link`] for a line that is cut.
     pub fn set(&mut self, volts: f64) -> Result<f64> {
         let volts = self.supply.in_steps(volts);
         let set = self.supply.set.clone();
@@ -138,10 +134,6 @@ impl Session {
     }
 
     /// Asks for the voltage.
-    ///
-    /// # Errors
-    ///
-    /// As [`set`](Self::set).
     pub fn query(&mut self) -> Result<()> {
         let read = self.supply.read.clone();
         self.send(&read, 0.0)

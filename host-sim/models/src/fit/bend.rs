@@ -92,19 +92,11 @@ impl Bend {
     }
 
     /// The curve; none for a straight one.
-    ///
-    /// # Errors
-    ///
-    /// [`CurveError`] for values that no film has.
     pub fn curve(&self) -> Result<Option<Curve>, CurveError> {
         Ok(self.elastic()?.map(|elastic| elastic.pieces().clone()))
     }
 
     /// The curve as a parameter file has it.
-    ///
-    /// # Errors
-    ///
-    /// As [`curve`](Self::curve).
     pub fn elastic(&self) -> Result<Option<ElasticCurve>, CurveError> {
         match self {
             Self::Straight => Ok(None),
@@ -208,10 +200,6 @@ impl Elastic {
     }
 
     /// The spring.
-    ///
-    /// # Errors
-    ///
-    /// [`CurveError`] for values that no film has.
     pub fn spring(&self) -> Result<Spring, CurveError> {
         match self {
             Self::Held(spring) => Ok(spring.as_ref().clone()),

@@ -52,10 +52,6 @@ impl Candidate {
     }
 
     /// Its curves; none for a linear film.
-    ///
-    /// # Errors
-    ///
-    /// [`CurveError`] for values that no film has.
     pub fn curves(&self) -> Result<Option<Curves>, CurveError> {
         let spring = self.spring.as_ref().map(Elastic::spring).transpose()?;
         Ok(self.bend.curve()?.map(|curve| Curves { curve, spring }))

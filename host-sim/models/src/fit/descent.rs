@@ -44,10 +44,6 @@ pub struct PreparedObservations {
 
 impl PreparedObservations {
     /// Prepares `observations`; `actuator` converts voltage to force.
-    ///
-    /// # Errors
-    ///
-    /// As [`Objective::new`].
     pub fn new(observations: &[Observation], actuator: &Actuator) -> Result<Self> {
         let thinned: Vec<Observation> = observations.iter().map(observation::thinned).collect();
         Ok(Self {

@@ -120,10 +120,6 @@ pub fn observe_prepared(
 }
 
 /// The observations of all `recordings` with weight 1, without the warnings.
-///
-/// # Errors
-///
-/// As [`observe`].
 pub fn observe_all(recordings: &[Recording], direction: Direction) -> Result<Vec<Observation>> {
     recordings.iter().map(|recording| observe(recording, direction, 1.0).map(|(observation, _)| observation)).collect()
 }

@@ -111,10 +111,6 @@ impl Settings {
     }
 
     /// Refuses an invalid actuator, and freed quantities that cannot be distinguished.
-    ///
-    /// # Errors
-    ///
-    /// [`Error`] naming what is wrong.
     pub fn check(&self) -> Result<()> {
         self.actuator.check()?;
         if self.sensor_delay_s.is_some_and(|delay_s| delay_s.is_nan() || delay_s.abs() > MAX_SENSOR_DELAY_S) {

@@ -43,10 +43,6 @@ impl<'a> Comparison<'a> {
     }
 
     /// Runs `parameters` and compares the output, as its sensor reads it, at the measured times.
-    ///
-    /// # Errors
-    ///
-    /// As [`simulate::response`].
     pub fn run(
         &self,
         parameters: &Parameters,

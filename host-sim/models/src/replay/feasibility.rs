@@ -112,10 +112,6 @@ pub struct AmplifierDemand {
 const RISE_S: f64 = 2.0;
 
 /// Checks whether the model of `parameters` can follow `reference` (m, on `grid`) within `limits`.
-///
-/// # Errors
-///
-/// [`Error`](crate::error::Error) where a law is refused.
 pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &CommandLimits) -> Result<Feasibility> {
     let field_checked = !parameters.assumed_sizes;
     let unlimited = CommandLimits { max_field_v_per_m: f64::MAX, ..*limits };
@@ -178,10 +174,6 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
 }
 
 /// As [`check`], and where no offset makes the reference feasible, the largest tenth of it that one does.
-///
-/// # Errors
-///
-/// As [`check`].
 pub fn check_and_mend(
     parameters: &Parameters,
     reference: &[f64],

@@ -27,10 +27,6 @@ pub struct VoltagePlan {
 /// samples. Sample k of the voltage brings the model to sample k of the reference, as `simulate` runs it.
 ///
 /// With full memory the whole path is inverted at once: its voltages are clipped, not slewed, and nothing is shaped.
-///
-/// # Errors
-///
-/// [`Error`](crate::error::Error) where a law is refused.
 pub fn plan(
     parameters: &Parameters,
     reference: &[f64],
@@ -43,10 +39,6 @@ pub fn plan(
 }
 
 /// As [`plan`], of a film that was driven with `history_v` (V, at the rate of `grid`) before; full memory begins at rest.
-///
-/// # Errors
-///
-/// As [`plan`].
 pub fn plan_after(
     parameters: &Parameters,
     history_v: &[f64],

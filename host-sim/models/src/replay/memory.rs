@@ -85,20 +85,12 @@ pub trait OnLaw {
     type Output;
 
     /// Does the work with `law`, from the state `rest` of a film that was never moved.
-    ///
-    /// # Errors
-    ///
-    /// Those of the work.
     fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: LawState<T, M>) -> Result<Self::Output>;
 }
 
 /// Work with a law of recursive memory, or with full memory, which has no law to step.
 pub trait OnMemory: OnLaw {
     /// Does the work with full memory, in f64.
-    ///
-    /// # Errors
-    ///
-    /// Those of the work.
     fn with_full_memory(self) -> Result<Self::Output>;
 }
 
@@ -122,10 +114,6 @@ pub fn on_memory<W: OnMemory>(film: Film<'_>, grid: Grid, options: &RunOptions, 
 }
 
 /// Builds the law of `film` that a controller steps at `rate_hz`, in `precision`, and does `work` with it.
-///
-/// # Errors
-///
-/// As [`on_memory`].
 pub fn on_compressed<W: OnLaw>(film: Film<'_>, rate_hz: f64, precision: Precision, work: W) -> Result<W::Output> {
     fn on<T: Real, W: OnLaw>(film: Film<'_>, rate_hz: f64, work: W) -> Result<W::Output> {
         let law = film.compressed_law::<T>(rate_hz)?;
@@ -151,10 +139,6 @@ pub fn window_length(seconds: f64, rate_hz: f64) -> usize {
 }
 
 /// The law with a plain window of the last `length` steps, and its state at rest.
-///
-/// # Errors
-///
-/// [`Error`] for a rate or a model that is refused.
 pub fn window_law<T: Real>(film: Film<'_>, step_s: f64, length: usize) -> Result<AtRest<T, VecWindow<T>>> {
     let law = film.behind(Law::<T, VecWindow<T>>::window(film.model, step_s, vec![T::ZERO; length])?)?;
     let rest = law.state(vec![T::ZERO; length])?;

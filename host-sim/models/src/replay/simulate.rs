@@ -26,10 +26,6 @@ pub struct Response {
 
 impl Response {
     /// Writes the response as CSV, staged, with `more` columns after the standard ones.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::File`] where it cannot be written.
     pub fn stage(&self, path: &Path, grid: Grid, more: &[(&str, Option<&[f64]>)]) -> Result<Staged> {
         let time = grid.times_s();
         let mut columns = vec![

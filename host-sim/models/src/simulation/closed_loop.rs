@@ -280,10 +280,6 @@ pub fn substeps(grid: Grid) -> (usize, f64) {
 }
 
 /// [`track_plant`] on `film`, from its rest.
-///
-/// # Errors
-///
-/// As [`track_plant`].
 pub fn track(
     film: &Film,
     bench: &BenchModel,
@@ -311,10 +307,6 @@ pub struct LoopTick {
 
 /// Runs `controller` along `reference` (m, on `grid`) on `plant`, which is at rest and advances in [`substeps`] of `grid`;
 /// `progress` counts samples and may end the run. As [`follow`], with every tick kept.
-///
-/// # Errors
-///
-/// As [`follow`].
 pub fn track_plant(
     plant: &mut dyn Plant,
     bench: &BenchModel,

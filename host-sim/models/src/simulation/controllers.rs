@@ -83,10 +83,6 @@ const WINDOW_S: f64 = 10.0;
 const STATIC_HZ: f64 = 1.0 / 7.0;
 
 /// The controller of `kind` for `parameters`, in the arithmetic of `precision`.
-///
-/// # Errors
-///
-/// [`Error`](crate::error::Error) where a law is refused.
 pub fn build(
     kind: ControllerKind,
     parameters: &Parameters,

@@ -22,10 +22,6 @@ pub struct FilmRecording {
 
 impl FilmRecording {
     /// Records `film` from rest under `waveform` with `instruments`, whose noise comes from `seed`.
-    ///
-    /// # Errors
-    ///
-    /// As [`Film::states`].
     pub fn new(film: &Film, waveform: &Waveform, grid: Grid, instruments: Instruments, seed: u64) -> Result<Self> {
         let times = grid.times_s();
         let states = film.states(film.rest(), &times, |t| waveform.voltage_v(t))?;
@@ -42,10 +38,6 @@ impl FilmRecording {
     }
 
     /// Writes the recording as CSV.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::File`] where it cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let time = self.grid.times_s();
         output::write_columns(

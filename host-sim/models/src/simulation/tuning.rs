@@ -51,10 +51,6 @@ impl ControllerTuning {
     }
 
     /// The settings of a controller of `kind` for `parameters` within `limits`, for a reference whose peak is 0.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Field`] naming what cannot be used.
     pub fn settings(
         &self,
         kind: ControllerKind,

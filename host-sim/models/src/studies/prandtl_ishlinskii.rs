@@ -115,10 +115,6 @@ impl PrandtlIshlinskii {
     }
 
     /// Agreement with an observation.
-    ///
-    /// # Errors
-    ///
-    /// As [`fit`](Self::fit).
     pub fn agreement(&self, observation: &Observation) -> Result<Agreement> {
         let run = LoadedObservation::new(observation)?;
         let modelled = modelled(&run.basis(self.largest, self.values[PARAMETERS - 1].exp()), &self.values);

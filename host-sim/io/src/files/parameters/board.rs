@@ -223,10 +223,6 @@ impl Parameters {
 
     /// The blob of these parameters for a controller that ticks at `rate_hz`, on [`board_or_bench`](Self::board_or_bench),
     /// decoded once as the controller will: what it would refuse is refused here.
-    ///
-    /// # Errors
-    ///
-    /// As [`to_blob`](Self::to_blob).
     pub fn checked_blob(&self, rate_hz: f64) -> Result<(Vec<u8>, Board)> {
         let board = self.board_or_bench(rate_hz);
         let blob = self.to_blob(&board, rate_hz)?;

@@ -28,19 +28,11 @@ pub enum Shape {
 
 impl ElasticCurve {
     /// The curve of `rubber` over displacements from `low_m` to `high_m`.
-    ///
-    /// # Errors
-    ///
-    /// As [`Rubber::curve`].
     pub fn rubber(rubber: Rubber, low_m: f64, high_m: f64) -> Result<Self, CurveError> {
         Ok(Self { shape: Shape::Rubber(rubber), curve: rubber.curve(low_m, high_m)? })
     }
 
     /// The curve of `measure` over displacements from `low_m` to `high_m`.
-    ///
-    /// # Errors
-    ///
-    /// As [`Measure::curve`].
     pub fn measure(measure: Measure, low_m: f64, high_m: f64) -> Result<Self, CurveError> {
         Ok(Self { shape: Shape::Measure(measure), curve: measure.curve(low_m, high_m)? })
     }

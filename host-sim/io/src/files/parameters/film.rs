@@ -29,10 +29,6 @@ pub fn controller_rate(rate_hz: f64) -> f64 {
 
 impl Film<'_> {
     /// The law that the controller steps at `rate_hz`.
-    ///
-    /// # Errors
-    ///
-    /// [`Error`] for a rate or a model that is refused.
     pub fn compressed_law<T: Real>(self, rate_hz: f64) -> Result<Law<T, Compressed<T>>> {
         // Beyond, a horizon has more steps than can be counted.
         if rate_hz > MAX_RATE_HZ {

@@ -125,10 +125,6 @@ impl Parameters {
     }
 
     /// The actuator named on a command line, of a file that may hold nothing else, or of `preset:NAME`; and whether its sizes are assumed.
-    ///
-    /// # Errors
-    ///
-    /// As [`load`](Self::load).
     pub fn load_sized_actuator(name: &str) -> Result<(Actuator, bool)> {
         if name.starts_with("preset:") {
             return Ok((Self::load(name)?.actuator, false));
@@ -143,10 +139,6 @@ impl Parameters {
 
     /// Loads the actuator and the board of a parameter file, which may lack the model; the board of the paper's bench if the
     /// file has no board. The last is whether the film's sizes are assumed.
-    ///
-    /// # Errors
-    ///
-    /// As [`load`](Self::load).
     pub fn load_board(name: &str) -> Result<(Actuator, Board, bool)> {
         let (actuator, assumed_sizes) = Self::load_sized_actuator(name)?;
         let bench = Board { missing: Board::KEYS.into(), ..Board::bench(&actuator) };
@@ -173,10 +165,6 @@ impl Parameters {
     }
 
     /// Reads parameters from TOML text; `path` is what errors name.
-    ///
-    /// # Errors
-    ///
-    /// As [`read`](Self::read).
     pub fn from_toml(path: &Path, text: &str) -> Result<Self> {
         let place = Place { path, text };
         let file: FileTable = place.parse()?;

@@ -161,10 +161,6 @@ impl Objective {
     }
 
     /// The same with second-order differences throughout, for the long steps of thinned observations.
-    ///
-    /// # Errors
-    ///
-    /// As [`new`](Self::new).
     pub fn thinned(observations: &[Observation]) -> Result<Self> {
         Self::with_methods(observations, |_| Discretisation::Bdf2)
     }
