@@ -18,6 +18,11 @@ pub trait Choice: Copy + PartialEq + Send + Sync + 'static {
     }
 }
 
+/// Serializes a choice as its name.
+pub fn by_name<C: Choice, S: serde::Serializer>(choice: &C, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(choice.name())
+}
+
 /// Defines an enum that is a [`Choice`]: each value has its line of documentation, which is its help, and its name.
 #[macro_export]
 macro_rules! choice {

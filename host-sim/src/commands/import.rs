@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::recordings::RawOptions;
 use super::with_flags;
+use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
 use crate::files::import::{Blank, By, Edits, Hints, Quantity, Series, Understood, UnderstoodColumn};
 use crate::files::output::{self, Folder, Folders, Staged};
@@ -170,7 +171,7 @@ impl Imported {
 
 impl Range {
     fn from_values(name: &str, values: &[f64]) -> Option<Self> {
-        let quantity = Quantity::ALL.into_iter().find(|quantity| name.starts_with(quantity.name()))?;
+        let quantity = Quantity::CHOICES.iter().find(|(_, known, _)| name.starts_with(known))?.0;
         let present = values.iter().copied().filter(|value| !value.is_nan());
         let (low, high) = present.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
         let empty = values.iter().filter(|value| value.is_nan()).count();

@@ -21,28 +21,26 @@ impl Colour {
     /// Colours of lines that name none, in their order.
     const CYCLE: [Self; 5] = [Self::Blue, Self::Vermilion, Self::Green, Self::Purple, Self::Orange];
 
+    /// On white, and its name in a page's style sheet.
+    fn code_and_name(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Grey => ("#9a9a9a", "grey"),
+            Self::Blue => ("#0072b2", "blue"),
+            Self::Vermilion => ("#d55e00", "vermilion"),
+            Self::Green => ("#009e73", "green"),
+            Self::Purple => ("#cc79a7", "purple"),
+            Self::Orange => ("#e69f00", "orange"),
+        }
+    }
+
     /// On white.
     pub fn on_white(self) -> &'static str {
-        match self {
-            Self::Grey => "#9a9a9a",
-            Self::Blue => "#0072b2",
-            Self::Vermilion => "#d55e00",
-            Self::Green => "#009e73",
-            Self::Purple => "#cc79a7",
-            Self::Orange => "#e69f00",
-        }
+        self.code_and_name().0
     }
 
     /// Its name in a page's style sheet.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Grey => "grey",
-            Self::Blue => "blue",
-            Self::Vermilion => "vermilion",
-            Self::Green => "green",
-            Self::Purple => "purple",
-            Self::Orange => "orange",
-        }
+        self.code_and_name().1
     }
 }
 

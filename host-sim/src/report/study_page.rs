@@ -12,7 +12,6 @@ use crate::choice::Choice;
 use crate::files::recording::Input;
 use crate::fit::Method;
 use crate::fit::observation::Observation;
-use crate::fit::settings::topology_name;
 use crate::studies::paper::{self, StudyFit};
 
 /// Tables and figures of a study.
@@ -119,7 +118,7 @@ impl Table {
 }
 
 fn kind(fit: &StudyFit) -> [String; 2] {
-    [topology_name(fit.topology).into(), fit.method.name().into()]
+    [fit.topology.name().into(), fit.method.name().into()]
 }
 
 /// R² of the joint fits.
@@ -207,7 +206,7 @@ fn panels(fits: &[StudyFit], observations: &[Observation], alone: bool) -> Vec<P
                 };
                 if let Some(fit) = fits.iter().find(wanted) {
                     let values = &fit.modelled[if alone { 0 } else { index }];
-                    let label = format!("{}, {}", topology_name(topology), method.name());
+                    let label = format!("{}, {}", topology.name(), method.name());
                     panel = panel.with(Line::new(label, time, &scaled(values)).coloured(colour));
                 }
             }

@@ -1,8 +1,8 @@
 //! Faults of a bench: the cause, what was measured, and what to do.
 
 use host_io::choice;
-use host_io::choice::Choice;
-use serde::{Serialize, Serializer};
+use host_io::choice::{Choice, by_name};
+use serde::Serialize;
 
 use super::bench::{ROWS_HZ, Row};
 use super::ramp::{self, MEAN_S, RISE_S, STEP_S, solved};
@@ -65,10 +65,6 @@ pub struct Finding {
     pub measured: String,
     /// The remedy.
     pub advice: &'static str,
-}
-
-fn by_name<S: Serializer>(cause: &Cause, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(cause.name())
 }
 
 impl Finding {

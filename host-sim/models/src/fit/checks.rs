@@ -3,6 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 
+use host_io::choice::Choice;
 use num_complex::Complex;
 use serde::Serialize;
 use springpot::{Actuator, Maxwell, Springpot, Topology};
@@ -11,7 +12,7 @@ use super::candidate::Candidate;
 use super::observation::{Excitation, Observation};
 use super::preparation::{Severity, Warning};
 use super::selection::{StructureRow, has_one_amplitude};
-use super::settings::{Settings, topology_name};
+use super::settings::Settings;
 use super::statistics::{self, Loss, Whiteness, median};
 use super::uncertainty::Uncertainty;
 use crate::files::recording::Input;
@@ -67,7 +68,7 @@ pub fn of_structures(rows: &[StructureRow], warnings: &mut Vec<Warning>) {
     for row in rows.iter().filter(|row| row.nrmse_pct < chosen && row.left_out_missing.is_some()) {
         warnings.push(Severity::Caution.warning(format!(
             "{} n = {} {} fits with {:.3} % instead of {chosen:.3} % and was not chosen, because {}; ask for it with `curve` and `branches`",
-            topology_name(row.topology),
+            row.topology.name(),
             row.branches,
             row.nonlinearity(),
             row.nrmse_pct,

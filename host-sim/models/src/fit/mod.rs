@@ -319,14 +319,6 @@ impl Fit {
         recordings: &[&Recording],
         recorded: &Recorded,
     ) -> Result<Table> {
-        let drive = match direction {
-            Direction::Force => "force",
-            Direction::Displacement => "displacement",
-        };
-        let loss = match settings.loss {
-            Loss::Square => "square",
-            Loss::Huber => "huber",
-        };
         let recordings =
             recordings.iter().zip(&self.agreements).map(|(source, agreement)| recording(source, agreement));
         // A file names the fields, from the command line as from Python.
@@ -338,8 +330,8 @@ impl Fit {
         };
         put("tool", format!("springpot {} fit", env!("CARGO_PKG_VERSION")).into());
         put("method", format!("{}, seed {}", settings.method.name(), settings.seed).into());
-        put("drive", drive.into());
-        put("loss", loss.into());
+        put("drive", direction.name().into());
+        put("loss", settings.loss.name().into());
         put("evaluations", integer(self.evaluations));
         put("r2_mean", self.r2_mean.into());
         if self.interrupted {

@@ -6,13 +6,14 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use host_io::choice::Choice;
 use springpot::{Actuator, Springpot, Topology};
 
 use super::candidate::{Candidate, Variable};
 use super::descent::{Context, Found};
 use super::objective::Objective;
+use super::settings::Settings;
 use super::settings::Stages;
-use super::settings::{Settings, topology_name};
 use crate::error::{Error, Result};
 use crate::least_squares::{Minimum, half_square};
 
@@ -84,7 +85,7 @@ pub fn best_structure(context: &Context<'_>, settings: &Settings, stages: &Stage
     let mut best: Option<Outcome> = None;
     for &topology in &settings.topologies {
         for &branches in &settings.branches {
-            stages.begin(format!("pattern search, {} with n = {branches}", topology_name(topology)), branches);
+            stages.begin(format!("pattern search, {} with n = {branches}", topology.name()), branches);
             let start = settings.start.clone().unwrap_or_else(|| paper_start(settings.actuator, topology, branches));
             let start = Candidate { delay_s: context.delay_s, ..start };
             let count = || {

@@ -3,12 +3,12 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use host_io::choice::Choice;
 use host_io::terminal::rounded;
 use serde::Serialize;
 use springpot::Actuator;
 
 use super::checks::{self, BranchRow};
-use super::settings::topology_name;
 use super::{Fit, StructureRow, Uncertainty, Warning};
 use crate::agreement::Agreement;
 use crate::compression::Compression;
@@ -141,12 +141,9 @@ impl FitReport {
             parameters_file: None,
             seconds,
             evaluations: fit.evaluations,
-            topology: topology_name(fit.candidate.topology),
+            topology: fit.candidate.topology.name(),
             branches: fit.candidate.branches(),
-            drive: match direction {
-                Direction::Force => "force",
-                Direction::Displacement => "displacement",
-            },
+            drive: direction.name(),
             interrupted: fit.interrupted,
             structures: fit.structures.clone(),
             uncertainty: fit.uncertainty.clone(),
@@ -227,7 +224,7 @@ fn structures(rows: &[StructureRow], text: &mut String) {
         let _ = writeln!(
             text,
             "{:8} n = {} {:>9} {:>9.6} {:>9.3} {:>9.0} {:>9.0} {left_out:>12}  {}{}",
-            topology_name(row.topology),
+            row.topology.name(),
             row.branches,
             row.variables,
             row.r2_mean,

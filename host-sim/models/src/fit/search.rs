@@ -11,10 +11,11 @@ use super::objective::Objective;
 use super::observation::{self, Observation};
 use super::pattern_search;
 use super::selection::{LeftOut, Selection, StructureFit, StructureRow, has_one_amplitude, is_near, is_worth_it};
-use super::settings::{CurveChoice, Method, Settings, Stages, topology_name, work};
+use super::settings::{CurveChoice, Method, Settings, Stages, work};
 use super::starts::{Kind, grown, reach, relaxing};
 use super::statistics::{Loss, Whiteness, robust_deviation};
 use crate::error::{Error, Result};
+use host_io::choice::Choice;
 
 /// Nonlinear structures of long recordings that are fitted beyond their beginning.
 const FINALISTS: usize = 2;
@@ -108,7 +109,7 @@ impl Search<'_> {
             let rival = |fit: &Found| other.iter().find(|o| o.candidate.branches() == fit.candidate.branches());
             let goes_on = |fit: &Found| rival(fit).is_none_or(|other| fit.minimum.cost <= other.minimum.cost);
             let branches = settings.branches.iter().copied().filter(|&n| is_first || n >= 2);
-            fits.extend(self.growing(topology_name(topology), branches, shared, fit, goes_on));
+            fits.extend(self.growing(topology.name(), branches, shared, fit, goes_on));
         }
         fits
     }

@@ -7,6 +7,7 @@
 use std::ops::Range;
 use std::sync::atomic::Ordering;
 
+use host_io::choice::by_name;
 use rayon::prelude::*;
 use serde::Serialize;
 use springpot::Topology;
@@ -15,7 +16,6 @@ use super::candidate::Candidate;
 use super::descent::{Context, Found};
 use super::objective::{Evaluation, Objective};
 use super::observation::Observation;
-use super::settings::topology_name;
 use super::statistics::{self, Loss, Whiteness, peaks, range};
 use crate::agreement::Agreement;
 use crate::error::Result;
@@ -25,7 +25,7 @@ use crate::least_squares::StoppingCriteria;
 #[derive(Clone, Debug, Serialize)]
 pub struct StructureRow {
     /// How the branches are connected.
-    #[serde(serialize_with = "serialize_topology")]
+    #[serde(serialize_with = "by_name")]
     pub topology: Topology,
     /// Number of branches.
     pub branches: usize,
@@ -64,13 +64,6 @@ impl StructureRow {
             (curve, true) => format!("{curve} + saturation"),
         }
     }
-}
-
-fn serialize_topology<S: serde::Serializer>(
-    topology: &Topology,
-    serializer: S,
-) -> std::result::Result<S::Ok, S::Error> {
-    serializer.serialize_str(topology_name(*topology))
 }
 
 /// Blocks of time of a recording, of which every second one is left out at a time.

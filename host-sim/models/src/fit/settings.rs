@@ -126,14 +126,6 @@ impl Settings {
     }
 }
 
-/// Name of a topology on the command line and in files.
-pub fn topology_name(topology: Topology) -> &'static str {
-    match topology {
-        Topology::Eq11 => "eq11",
-        Topology::Parallel => "parallel",
-    }
-}
-
 /// The actuator of recordings without one: the paper's, without mass if displacement drives, because a test machine carries the
 /// weight.
 pub fn assumed_actuator(drive: Direction) -> Actuator {

@@ -13,7 +13,6 @@ use crate::error::Result;
 use crate::fit::candidate::Candidate;
 use crate::fit::descent::{Context, PreparedObservations};
 use crate::fit::observation::Observation;
-use crate::fit::settings::topology_name;
 use crate::fit::{Method, Settings, pattern_search};
 use host_io::choice::Choice;
 
@@ -195,7 +194,7 @@ impl StudyFitRow {
     pub fn new(fit: &StudyFit, names: &[String]) -> Self {
         Self {
             method: fit.method.name(),
-            topology: topology_name(fit.topology),
+            topology: fit.topology.name(),
             branches: fit.branches,
             recording: fit.recording.map(|index| names[index].clone()),
             r2: fit.agreements.iter().map(|a| a.r2).collect(),

@@ -2,6 +2,7 @@
 
 use super::Quantity;
 use super::units::{self, Unit};
+use crate::choice::Choice as _;
 
 /// Columns that were named, by quantity.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -67,8 +68,8 @@ impl std::str::FromStr for Choices {
 fn choice(item: &str) -> Result<Choice, String> {
     let example = "such as time=Zeit:s, voltage=\"HV mon\"*2000, displacement=3:mm or force=none";
     let (key, column) = item.split_once('=').ok_or_else(|| format!("{item:?}: use quantity=column, {example}"))?;
-    let quantity = Quantity::ALL.into_iter().find(|quantity| quantity.name() == key.trim()).ok_or_else(|| {
-        let names: Vec<&str> = Quantity::ALL.iter().map(|quantity| quantity.name()).collect();
+    let quantity = Quantity::from_name(key.trim()).ok_or_else(|| {
+        let names: Vec<&str> = Quantity::CHOICES.iter().map(|(_, name, _)| *name).collect();
         format!("{:?} is not one of {}", key.trim(), names.join(", "))
     })?;
     let (column, factor) = match last_part(column, '*')? {

@@ -37,53 +37,34 @@ pub use numbers::Decimal;
 pub use rows::{Fill, RepeatedTimes};
 pub use series::{Series, Understood, UnderstoodColumn};
 
-/// Quantity of a column.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Quantity {
-    /// Time.
-    Time,
-    /// Voltage on the electrodes.
-    Voltage,
-    /// Total force on the film.
-    Force,
-    /// Measured displacement.
-    Displacement,
-    /// Weight of a row in a fit.
-    Weight,
-    /// High voltage that was asked of an amplifier.
-    Command,
-    /// Length of a specimen over its original length.
-    Stretch,
-    /// Force on a specimen over its original cross-section.
-    Stress,
+crate::choice! {
+    /// Quantity of a column.
+    #[derive(PartialOrd, Ord, serde::Serialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Quantity {
+        /// Time.
+        Time = "time",
+        /// Voltage on the electrodes.
+        Voltage = "voltage",
+        /// Total force on the film.
+        Force = "force",
+        /// Measured displacement.
+        Displacement = "displacement",
+        /// Weight of a row in a fit.
+        Weight = "weight",
+        /// High voltage that was asked of an amplifier.
+        Command = "command",
+        /// Length of a specimen over its original length.
+        Stretch = "stretch",
+        /// Force on a specimen over its original cross-section.
+        Stress = "stress",
+    }
 }
 
 impl Quantity {
-    /// All of them.
-    pub const ALL: [Self; 8] = [
-        Self::Time,
-        Self::Voltage,
-        Self::Force,
-        Self::Displacement,
-        Self::Weight,
-        Self::Command,
-        Self::Stretch,
-        Self::Stress,
-    ];
-
     /// As `--columns` names it.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Time => "time",
-            Self::Voltage => "voltage",
-            Self::Force => "force",
-            Self::Displacement => "displacement",
-            Self::Weight => "weight",
-            Self::Command => "command",
-            Self::Stretch => "stretch",
-            Self::Stress => "stress",
-        }
+        crate::choice::Choice::name(self)
     }
 
     /// Dimension of its units: a command is a voltage.
@@ -96,28 +77,26 @@ impl Quantity {
         matches!(self, Self::Weight | Self::Stretch)
     }
 
+    /// The unit of its values here, and one for an example.
+    fn units(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Time => ("s", "s"),
+            Self::Voltage | Self::Command => ("V", "kV"),
+            Self::Force => ("N", "N"),
+            Self::Displacement => ("m", "mm"),
+            Self::Weight | Self::Stretch => ("", ""),
+            Self::Stress => ("Pa", "kPa"),
+        }
+    }
+
     /// The unit of its values here.
     pub fn si_unit(self) -> &'static str {
-        match self {
-            Self::Time => "s",
-            Self::Voltage | Self::Command => "V",
-            Self::Force => "N",
-            Self::Displacement => "m",
-            Self::Weight | Self::Stretch => "",
-            Self::Stress => "Pa",
-        }
+        self.units().0
     }
 
     /// A unit for an example.
     fn example_unit(self) -> &'static str {
-        match self {
-            Self::Time => "s",
-            Self::Voltage | Self::Command => "kV",
-            Self::Force => "N",
-            Self::Displacement => "mm",
-            Self::Weight | Self::Stretch => "",
-            Self::Stress => "kPa",
-        }
+        self.units().1
     }
 
     /// The names that are expected first in a file of `request`.

@@ -17,23 +17,22 @@ impl Separator {
     /// In their order; blanks occur beside other separators as well.
     pub(super) const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Blanks];
 
-    /// For a sentence: separated by …
-    pub fn name(self) -> &'static str {
+    fn name_and_sign(self) -> (&'static str, &'static str) {
         match self {
-            Self::Tab => "tabs",
-            Self::Semicolon => "semicolons",
-            Self::Comma => "commas",
-            Self::Blanks => "blanks",
+            Self::Tab => ("tabs", "\t"),
+            Self::Semicolon => ("semicolons", ";"),
+            Self::Comma => ("commas", ","),
+            Self::Blanks => ("blanks", " "),
         }
     }
 
+    /// For a sentence: separated by …
+    pub fn name(self) -> &'static str {
+        self.name_and_sign().0
+    }
+
     pub(super) fn sign(self) -> &'static str {
-        match self {
-            Self::Tab => "\t",
-            Self::Semicolon => ";",
-            Self::Comma => ",",
-            Self::Blanks => " ",
-        }
+        self.name_and_sign().1
     }
 
     fn is(self, c: char) -> bool {
