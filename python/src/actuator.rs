@@ -25,7 +25,6 @@ impl PyActuator {
     #[new]
     #[pyo3(signature = (*, relative_permittivity=4.7, length_m=0.04, width_m=0.06, thickness_m=160e-6, mass_kg=0.316,
                         preload="settled", stretch_coupling=0.0, saturation_v=None))]
-    #[allow(clippy::too_many_arguments)] // keyword arguments
     fn new(
         py: Python<'_>,
         relative_permittivity: f64,

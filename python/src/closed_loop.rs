@@ -45,7 +45,6 @@ pub(crate) enum FilmSource<'py> {
                          adaptation_s=None, harmonics=None, period_s=None, limits=None, precision='f32', seed=1, sensor_rate_hz=None, \
                          sensor_delay_s=None, sensor_noise_m=5e-06, sensor_quantum_m=1e-06, sensor_lost_s=(), amplifier_lag_s=0.0, \
                          amplifier_bleeder_s=0.0, monitor_error=None, stiffness=1.0, alpha=1.0)")]
-#[allow(clippy::too_many_arguments)] // keyword arguments
 pub(crate) fn closed_loop<'py>(
     model: &Bound<'py, PyModel>,
     reference: Source<'py>,

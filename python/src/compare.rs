@@ -24,7 +24,6 @@ use crate::watch;
 /// With `to_s` (s) they are fitted up to there and predict the rest. Arguments and errors as `fit`. As the command `compare`.
 #[pyfunction]
 #[pyo3(signature = (recordings, *, drive="force", actuator=None, to_s=None, seed=1, starts=8, progress=None))]
-#[allow(clippy::too_many_arguments)] // keyword arguments
 pub(crate) fn compare<'py>(
     py: Python<'py>,
     recordings: &Bound<'py, PyAny>,

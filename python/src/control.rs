@@ -155,7 +155,6 @@ impl PyTracking {
     #[new]
     #[pyo3(signature = (model, rate_hz, *, bandwidth_hz=None, adaptation_s=None, sensor_rate_hz=None, sensor_delay_s=None,
                         harmonics=None, period_s=None, limits=None, precision="f32"))]
-    #[allow(clippy::too_many_arguments)] // keyword arguments
     fn new(
         model: &Bound<'_, PyModel>,
         rate_hz: f64,
@@ -300,7 +299,6 @@ impl PyObserver {
     #[new]
     #[pyo3(signature = (model, rate_hz, *, bandwidth_hz=None, adaptation_s=None, sensor_rate_hz=None, sensor_delay_s=None,
                         max_voltage_v=None, precision="f32"))]
-    #[allow(clippy::too_many_arguments)] // keyword arguments
     fn new(
         model: &Bound<'_, PyModel>,
         rate_hz: f64,

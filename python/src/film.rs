@@ -25,7 +25,6 @@ use crate::watch;
 #[pyfunction]
 #[pyo3(signature = (plant="hossain", *, frequency_hz=vec![0.1], duration_s=60.0, rate_hz=100.0, peak_voltage_v=6000.0, seed=1,
                     name="film"))]
-#[allow(clippy::too_many_arguments)] // keyword arguments
 pub(crate) fn record_film(
     py: Python<'_>,
     plant: &str,
@@ -58,7 +57,6 @@ pub(crate) fn record_film(
 /// Raises InputError for sizes and times that make no sense.
 #[pyfunction]
 #[pyo3(signature = (shape, *, low_m, high_m, period_s, duration_s=155.0, rate_hz=1000.0, rise_s=None, seed=1))]
-#[allow(clippy::too_many_arguments)] // keyword arguments
 pub(crate) fn reference(
     py: Python<'_>,
     shape: &str,

@@ -85,7 +85,6 @@ impl ActuatorSource<'_> {
 #[pyo3(signature = (recordings, *, branches=None, topology="auto", curve="auto", method="lm", drive="force", free=Vec::new(),
                     hold=Vec::new(), actuator=None, start=None, loss="square", weights=None, offset="joint", gain="joint", sensor_delay_s=None, gap_s=None,
                     at_gap="end", invert=false, from_s=0.0, to_s=None, seed=1, starts=8, progress=None))]
-#[allow(clippy::too_many_arguments)] // keyword arguments
 pub(crate) fn fit<'py>(
     py: Python<'py>,
     recordings: &Bound<'py, PyAny>,

@@ -7,12 +7,22 @@ use host_models::replay::memory::Precision;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
-use springpot::{Law, LawState};
+use springpot::{Law, LawState, Scalar};
 
 use crate::arrays::{each_complex, finite, locked, steps};
 use crate::errors::{Raise, refused};
 use crate::model::PyModel;
 use crate::names::choice;
+
+/// `$body` with what `$any` holds, in either arithmetic.
+macro_rules! either {
+    ($any:expr, $kind:ident($($held:pat),+) => $body:expr) => {
+        match $any {
+            $kind::F32($($held),+) => $body,
+            $kind::F64($($held),+) => $body,
+        }
+    };
+}
 
 /// A law in the arithmetic of the controller, or in twice as many digits.
 #[allow(clippy::large_enum_variant)] // a handful live at a time
@@ -85,21 +95,14 @@ impl PyLaw {
     /// Force of a step of displacement within one step, N/m.
     #[getter]
     fn stiffness_n_per_m(&self) -> f64 {
-        match &self.law {
-            AnyLaw::F32(law) => law.stiffness().into(),
-            AnyLaw::F64(law) => law.stiffness(),
-        }
+        either!(&self.law, AnyLaw(law) => law.stiffness().to_f64())
     }
 
     /// Bound of the displacement's error through compressed memory, over the largest displacement.
     #[getter]
     fn bound_per_stroke(&self) -> f64 {
         let film = self.model.parameters.film();
-        let bound = match &self.law {
-            AnyLaw::F32(law) => film.compression_bound(law),
-            AnyLaw::F64(law) => film.compression_bound(law),
-        };
-        bound.displacement_per_stroke.into()
+        either!(&self.law, AnyLaw(law) => film.compression_bound(law)).displacement_per_stroke.into()
     }
 
     /// The state of a film that was never moved.
@@ -126,10 +129,11 @@ impl PyLaw {
     /// Displacement over force (m/N, complex) at `frequency_hz` (Hz; a number or an array), for small oscillations about `at_m` (m).
     #[pyo3(signature = (frequency_hz, at_m=0.0))]
     fn frequency_response<'py>(&self, frequency_hz: &Bound<'py, PyAny>, at_m: f64) -> PyResult<Bound<'py, PyAny>> {
-        each_complex("frequency_hz", frequency_hz, |f| match &self.law {
-            AnyLaw::F32(law) => law.frequency_response_about(f, at_m),
-            AnyLaw::F64(law) => law.frequency_response_about(f, at_m),
-        })
+        each_complex(
+            "frequency_hz",
+            frequency_hz,
+            |f| either!(&self.law, AnyLaw(law) => law.frequency_response_about(f, at_m)),
+        )
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((PyModel, f64), Bound<'py, PyDict>)> {
@@ -162,43 +166,31 @@ impl PyState {
     /// Displacement after the last step, m.
     #[getter]
     fn displacement_m(&self, py: Python<'_>) -> f64 {
-        match &self.state {
-            AnyState::F32(_, state) => locked(py, state).position().into(),
-            AnyState::F64(_, state) => locked(py, state).position(),
-        }
+        either!(&self.state, AnyState(_, state) => locked(py, state).position().to_f64())
     }
 
     /// Whether the film is beyond the stroke that its elastic curve was measured over.
     #[getter]
     fn beyond_curve(&self, py: Python<'_>) -> bool {
-        match &self.state {
-            AnyState::F32(_, state) => locked(py, state).beyond_curve(),
-            AnyState::F64(_, state) => locked(py, state).beyond_curve(),
-        }
+        either!(&self.state, AnyState(_, state) => locked(py, state).beyond_curve())
     }
 
     /// Steps the film under `force_n` (N): once for a number, once for every value of an array. Its displacement (m), of the same shape.
     ///
     /// Raises InputError for an array of more dimensions or with values that are not finite; the state stays, as it does after Ctrl-C.
     fn displacement<'py>(&self, force_n: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        match &self.state {
-            AnyState::F32(law, state) => {
-                steps("force_n", force_n, state, |state, f| law.displacement(state, f as f32).into())
-            }
-            AnyState::F64(law, state) => steps("force_n", force_n, state, |state, f| law.displacement(state, f)),
-        }
+        either!(&self.state, AnyState(law, state) => {
+            steps("force_n", force_n, state, |state, f| law.displacement(state, Scalar::from_f64(f)).to_f64())
+        })
     }
 
     /// Steps the film to `displacement_m` (m): once for a number, once for every value of an array. The force (N) that it takes, likewise.
     ///
     /// Raises InputError for an array of more dimensions or with values that are not finite; the state stays, as it does after Ctrl-C.
     fn force<'py>(&self, displacement_m: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        match &self.state {
-            AnyState::F32(law, state) => {
-                steps("displacement_m", displacement_m, state, |state, x| law.force(state, x as f32).into())
-            }
-            AnyState::F64(law, state) => steps("displacement_m", displacement_m, state, |state, x| law.force(state, x)),
-        }
+        either!(&self.state, AnyState(law, state) => {
+            steps("displacement_m", displacement_m, state, |state, x| law.force(state, Scalar::from_f64(x)).to_f64())
+        })
     }
 
     /// The same film once more.
@@ -219,19 +211,13 @@ impl PyState {
     fn _restored(law: &Bound<'_, PyLaw>, numbers: Vec<f64>) -> PyState {
         let (film, mut numbers) = (PyLaw::at_rest(law), numbers.into_iter());
         let mut next = || numbers.next().unwrap_or_default();
-        match &film.state {
-            AnyState::F32(_, state) => locked(law.py(), state).visit(|number| *number = next() as f32),
-            AnyState::F64(_, state) => locked(law.py(), state).visit(|number| *number = next()),
-        }
+        either!(&film.state, AnyState(_, state) => locked(law.py(), state).visit(|number| *number = Scalar::from_f64(next())));
         film
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Saved<'py>> {
         let mut numbers = Vec::new();
-        match &self.state {
-            AnyState::F32(_, state) => locked(py, state).clone().visit(|number| numbers.push(f64::from(*number))),
-            AnyState::F64(_, state) => locked(py, state).clone().visit(|number| numbers.push(*number)),
-        }
+        either!(&self.state, AnyState(_, state) => locked(py, state).clone().visit(|number| numbers.push(number.to_f64())));
         Ok((py.get_type::<Self>().getattr("_restored")?, (self.law.clone_ref(py), numbers)))
     }
 

@@ -4,6 +4,7 @@
 //! the stubs `_native.pyi` say shapes and units. Long calls run on a thread of their own without the interpreter's lock (`watch`).
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
+#![allow(clippy::too_many_arguments)] // keyword arguments
 
 mod actuator;
 mod arrays;

@@ -216,7 +216,6 @@ impl Asked<'_> {
 #[pyfunction]
 #[pyo3(signature = (path, *, columns=None, sheet=None, from_s=0.0, to_s=None, decimate=1, blank=Vec::new(), header_line=None,
     segment=None, decimal=None, repeated_times=None, fill=None, rate_hz=None, invert=false))]
-#[allow(clippy::too_many_arguments)] // keyword arguments
 pub(crate) fn read_recording(
     py: Python<'_>,
     path: PathBuf,
@@ -267,7 +266,6 @@ pub(crate) fn read(py: Python<'_>, path: &Path, is_reference: bool) -> PyResult<
 #[pyfunction]
 #[pyo3(signature = (path, *, columns=None, sheet=None, header_line=None, segment=None, decimal=None, repeated_times=None, rate_hz=None,
     invert=false))]
-#[allow(clippy::too_many_arguments)] // keyword arguments
 pub(crate) fn read_reference(
     py: Python<'_>,
     path: PathBuf,

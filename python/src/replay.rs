@@ -175,7 +175,6 @@ pub(crate) fn replay<'py>(
 /// A path is read with `read_reference`. Options and errors as `simulate`. Warns where the film's sizes are assumed: its field is not known.
 #[pyfunction]
 #[pyo3(signature = (model, reference, *, rate_hz=1000.0, memory="compressed", precision="f32", method="gl", limits=None))]
-#[allow(clippy::too_many_arguments)] // keyword arguments
 pub(crate) fn feedforward<'py>(
     model: &Bound<'py, PyModel>,
     reference: Source<'py>,
