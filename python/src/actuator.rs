@@ -47,7 +47,7 @@ impl PyActuator {
             preload: choice("preload", preload)?,
         };
         plausibility::check(&actuator).map_err(|(_, cause)| refused("actuator", cause))?;
-        doubt(py, &plausibility::doubts(&actuator))?;
+        doubt(py, &plausibility::doubts(&actuator, false))?;
         Ok(Self(actuator))
     }
 

@@ -46,5 +46,7 @@ fn a_bad_bench_has_a_record_that_names_it_and_does_not_pass() {
     names(&bench.fails(&line.replace("serial=A17", "=A17")), &["--entry", "no name"]);
     names(&bench.fails(line), &["sitting/record.json", "another folder", "--from"]);
     bench.says_no("verify sitting/record.json");
+    bench.write("lab.pub", "no key");
+    names(&bench.fails("verify sitting/record.json --key lab.pub"), &["lab.pub", "minisign -G"]);
     names(&bench.fails(&line.replace("--fault leak=0.1", "--port /dev/null")), &["[board] table has no"]);
 }

@@ -265,6 +265,9 @@ pub(super) struct VerifyArguments {
     /// Record that `commission` wrote, beside its files.
     #[arg(value_name = "RECORD")]
     record: PathBuf,
+    /// Public key of minisign: the signature in RECORD.minisig must be by its owner.
+    #[arg(long, value_name = "PUB")]
+    key: Option<PathBuf>,
 }
 
 #[derive(Serialize)]
@@ -274,10 +277,13 @@ struct Verified<'a> {
     passed: bool,
     sentence: &'a str,
     seal: &'a str,
+    /// The signature's trusted comment, where a key was given.
+    signed: Option<String>,
 }
 
 pub(super) fn verify(arguments: &VerifyArguments, json: bool) -> Result<Verdict> {
     let record = seal::verify(&arguments.record)?;
+    let signed = arguments.key.as_ref().map(|key| seal::signed(&arguments.record, key)).transpose()?;
     let verdict = record.get("verdict");
     let verified = Verified {
         record: shown(&arguments.record),
@@ -285,11 +291,14 @@ pub(super) fn verify(arguments: &VerifyArguments, json: bool) -> Result<Verdict>
         passed: verdict.and_then(|verdict| verdict.get("passed")?.as_bool()).unwrap_or(false),
         sentence: verdict.and_then(|verdict| verdict.get("sentence")?.as_str()).unwrap_or_default(),
         seal: record.get("seal").and_then(|seal| seal.as_str()).unwrap_or_default(),
+        signed,
     };
     terminal::report(json, &verified, || {
         let passed = if verified.passed { "passes" } else { "does not pass" };
+        let signed =
+            verified.signed.as_ref().map_or_else(String::new, |states| format!("\nsigned by this key: {states}"));
         format!(
-            "{}: unchanged since it was sealed, with {} files; it {passed}: {}\nseal {}",
+            "{}: unchanged since it was sealed, with {} files; it {passed}: {}\nseal {}{signed}",
             verified.record, verified.files, verified.sentence, verified.seal
         )
     })?;

@@ -22,7 +22,7 @@ pub(super) fn load(name: &str) -> Result<Parameters> {
 /// The actuator of the file `name`, and whether its sizes are assumed; doubts about them are warnings.
 pub(super) fn load_actuator(name: &str) -> Result<(Actuator, bool)> {
     let (actuator, assumed) = Parameters::load_sized_actuator(name)?;
-    doubt(name, &plausibility::doubts(&actuator));
+    doubt(name, &plausibility::doubts(&actuator, assumed));
     Ok((actuator, assumed))
 }
 

@@ -89,7 +89,7 @@ impl Arguments {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     arguments.check()?;
     let (actuator, board, assumed_sizes) = Parameters::load_board(&arguments.board)?;
-    options::doubt(&arguments.board, &plausibility::doubts(&actuator));
+    options::doubt(&arguments.board, &plausibility::doubts(&actuator, assumed_sizes));
     let limits = board.command_limits();
     let (largest_v, limit) = profile::largest_voltage(&limits, actuator.thickness_m);
     let options = ProfileOptions {

@@ -1,10 +1,11 @@
 //! Records that are sealed together with their files: a change of any byte shows.
 //!
 //! A record is a JSON object. Its last keys are `files`, each with its digest and the link of a chain over all files before it, and `seal`, the
-//! digest of every byte of the record before that key. Who changes a record can seal it again: that it is genuine shows a signature alone.
+//! digest of every byte of the record before that key. Who changes a record can seal it again; a signature beside it says who vouches for it.
 
 use std::path::{Path, PathBuf};
 
+use minisign_verify::{PublicKey, Signature};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
@@ -81,6 +82,29 @@ pub fn verify(path: &Path) -> Result<Map<String, Value>> {
         }
     }
     Ok(record)
+}
+
+/// Checks the signature of the record at `path` with a public `key`, and returns its trusted comment. Both are files of minisign; that of the
+/// signature has the record's name and `.minisig`.
+///
+/// # Errors
+///
+/// [`Error::File`] for a file that cannot be read or is of another kind, and for a signature of another file or by another key.
+pub fn signed(path: &Path, key: &Path) -> Result<String> {
+    let read = |path: &Path| std::fs::read(path).map_err(|e| Error::file(path, e));
+    let text = |path: &Path| Ok::<_, Error>(String::from_utf8_lossy(&read(path)?).into_owned());
+    let mut name = path.as_os_str().to_owned();
+    name.push(".minisig");
+    let beside = Path::new(&name);
+    let public = PublicKey::decode(&text(key)?).map_err(|_| {
+        Error::file(key, "is no public key of minisign; give the file that `minisign -G` wrote as .pub")
+    })?;
+    let signature = Signature::decode(&text(beside)?)
+        .map_err(|_| Error::file(beside, "is no signature of minisign; sign the record again with `minisign -S`"))?;
+    public.verify(&read(path)?, &signature, false).map_err(|_| {
+        Error::file(beside, format!("is no signature of {} by the key in {}", path.display(), key.display()))
+    })?;
+    Ok(signature.trusted_comment().to_owned())
 }
 
 fn hexadecimal(bytes: &[u8]) -> String {

@@ -41,3 +41,47 @@ fn every_changed_byte_shows() {
     tried.expect("every change shows");
     seal::verify(&record).expect("unchanged again");
 }
+
+/// Keys and a signature that minisign 0.11 made.
+const KEYS: [&str; 2] = [
+    "untrusted comment: minisign public key 68C53D7D6DDC4E58\nRWRYTtxtfT3FaKnKUxncX+V207e3Iesa5CqVL0cFOY+VzG1J34Pt25I9\n",
+    "untrusted comment: minisign public key 8EDB38C8C4F1B55A\nRWRatfHEyDjbjg/mLXfTpcdqoveVZHSazxzjIi2pAeKeaYtZnvAfaxEW\n",
+];
+const SIGNATURE: &str = "untrusted comment: signature from minisign secret key
+RURYTtxtfT3FaBVMU0pxxlf9/WzUb03Ez+IS9MrrmrXu6SnPImGlLx/9gkFP2fSNbeliUJPGv8BMz+mARut6N8JLPUCJSN1KfAs=
+trusted comment: bench 2
+IBr5hyQgiQgs92fYcQ/bOVj10hPRvwB17WuFB8+PQUpum7wL9LabCaDc8SKhZCdJHqgR/9Yik3OOnOW7CuqLCQ==
+";
+
+#[test]
+fn a_signature_is_of_its_record_and_by_its_key() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [record, signature, key, other] =
+        ["record.json", "record.json.minisig", "lab.pub", "other.pub"].map(|name| folder.path().join(name));
+    fs::write(&key, KEYS[0]).expect("written");
+    fs::write(&other, KEYS[1]).expect("written");
+    seal::write(&record, &BTreeMap::from([("record", "commissioning")]), &[]).expect("sealed");
+    let refusal = |key| seal::signed(&record, key).expect_err("refused").to_string();
+    let missing = refusal(&key);
+    assert!(missing.contains("record.json.minisig"), "{missing}");
+    fs::write(&signature, SIGNATURE).expect("written");
+    assert_eq!(seal::signed(&record, &key).expect("signed"), "bench 2");
+    assert!(refusal(&other).contains("by the key in"), "{}", refusal(&other));
+    assert!(refusal(&record).contains("is no public key"), "{}", refusal(&record));
+
+    // Its first line is a comment that is not signed.
+    let begin = SIGNATURE.find('\n').expect("a line") + 1;
+    let mut runner = TestRunner::new(Config { cases: 300, failure_persistence: None, ..Config::default() });
+    let change = (begin..SIGNATURE.len() - 1, "[ -~]");
+    let tried = runner.run(&change, |(at, character)| {
+        let changed = format!("{}{character}{}", &SIGNATURE[..at], &SIGNATURE[at + 1..]);
+        fs::write(&signature, &changed).expect("written");
+        prop_assert!(seal::signed(&record, &key).is_err() || changed == SIGNATURE, "{changed}");
+        Ok(())
+    });
+    tried.expect("no other signature is taken");
+    // The same signature of a record that was sealed again.
+    fs::write(&signature, SIGNATURE).expect("written");
+    seal::write(&record, &BTreeMap::from([("record", "commissioned")]), &[]).expect("sealed");
+    assert!(refusal(&key).contains("is no signature of"), "{}", refusal(&key));
+}

@@ -103,8 +103,8 @@ pub(super) fn check_board(board: &Board) -> Result<(), String> {
     THICKNESS.fault("limits.thickness_m", as_written(board.limits.thickness_m)).map_or(Ok(()), Err)
 }
 
-/// Doubts about sizes of `actuator` that some film may have, most severe first.
-pub fn doubts(actuator: &Actuator) -> Vec<String> {
+/// Doubts about sizes of `actuator` that some film may have, most severe first. Where they are `assumed`, the permittivity only scales the force.
+pub fn doubts(actuator: &Actuator, assumed: bool) -> Vec<String> {
     let Actuator { relative_permittivity, length_m, width_m, thickness_m, mass_kg, .. } = *actuator;
     let mut doubts = Vec::new();
     let ((longer, long_m), (shorter, short_m)) = if length_m > width_m {
@@ -136,7 +136,7 @@ pub fn doubts(actuator: &Actuator) -> Vec<String> {
             short(1e-3 * mass_kg)
         ));
     }
-    if !(1.0..=MAX_PERMITTIVITY).contains(&relative_permittivity) {
+    if !assumed && !(1.0..=MAX_PERMITTIVITY).contains(&relative_permittivity) {
         doubts.push(format!("relative_permittivity = {relative_permittivity}: films have 1.5 to 1000"));
     }
     doubts
@@ -171,7 +171,7 @@ impl Parameters {
         });
         let mut doubts: Vec<String> = faults.into_iter().flatten().flatten().collect();
         doubts.extend(check(&self.actuator).err().map(|(_, cause)| cause));
-        doubts.extend(self::doubts(&self.actuator));
+        doubts.extend(self::doubts(&self.actuator, self.assumed_sizes));
         if !self.assumed_sizes && self.curve.is_none() && doubts.is_empty() {
             // As far as the field limit of films lets the voltage go.
             let volts = max_voltage_v.min(1e8 * self.actuator.thickness_m);
