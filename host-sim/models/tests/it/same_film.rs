@@ -4,6 +4,7 @@
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 use std::path::Path;
+use std::sync::LazyLock;
 use std::sync::atomic::AtomicBool;
 
 use host_io::files::import::Quantity;
@@ -105,6 +106,12 @@ fn fitted(recordings: &[Recording], options: &FitOptions) -> Fit {
     tried(recordings, options).expect("a fit")
 }
 
+/// The fit to the film as it is, made once.
+fn plain() -> &'static Fit {
+    static PLAIN: LazyLock<Fit> = LazyLock::new(|| fitted(&recordings(&rows(0)), &options()));
+    &PLAIN
+}
+
 /// The values of a film, without the sensor.
 fn values(fit: &Fit) -> Vec<f64> {
     let candidate = &fit.candidate;
@@ -118,11 +125,11 @@ fn values(fit: &Fit) -> Vec<f64> {
 #[test]
 fn wherever_the_sensor_is_zeroed_and_whichever_way_it_counts() {
     let rows = rows(0);
-    let plain = fitted(&recordings(&rows), &options());
+    let plain = plain();
     println!("{:?} {:?}", plain.candidate, plain.warnings);
     let same = |what: &str, recordings: &[Recording], options: &FitOptions, offset_m: f64| {
         let fit = fitted(recordings, options);
-        for (value, expected) in values(&fit).into_iter().zip(values(&plain)) {
+        for (value, expected) in values(&fit).into_iter().zip(values(plain)) {
             assert!((value - expected).abs() <= 1e-5 * expected.abs(), "{what}: {value} for {expected}");
         }
         let moved_m = fit.candidate.offset_m - plain.candidate.offset_m - offset_m;
@@ -172,14 +179,14 @@ fn feedforward_pct(fit: &Fit) -> f64 {
 
 #[test]
 fn however_late_the_sensor_is() {
-    let prompt = fitted(&recordings(&rows(0)), &options());
+    let prompt = plain();
     assert_eq!(prompt.candidate.delay_s, 0.0);
     let lags: &[usize] = if full_sweep() { &[60, 100] } else { &[100] };
     for &late_ms in lags {
         let late = recordings(&rows(late_ms));
         let delay_s = 1e-3 * late_ms as f64;
         let fit = fitted(&late, &options());
-        let [straight, lagged] = [&prompt, &fit].map(feedforward_pct);
+        let [straight, lagged] = [prompt, &fit].map(feedforward_pct);
         println!("{late_ms} ms: {:?}, feedforward {straight:.3} and {lagged:.3} %", fit.candidate);
         let uncertainty = fit.uncertainty.as_ref().expect("computed");
         let estimate = uncertainty.estimates.iter().find(|e| e.name == "delay_s").expect("estimated");
