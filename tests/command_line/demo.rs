@@ -51,6 +51,8 @@ fn simulated_recordings_are_fitted_replayed_and_followed() {
     let verdict = report["verdict"].as_str().expect("a sentence");
     assert!(verdict.contains(&format!("{none:.1} % without compensation")), "{verdict}");
     assert!(page.find(verdict).expect("in the page") < page.find("<h2").expect("a part"));
+    let part = |id: &str| page.find(&format!("<section id=\"{id}\"")).unwrap_or_else(|| panic!("no {id}"));
+    assert!(part("following") < part("warnings"), "the picture without and with compensation is the first");
 
     // The voltage leads the model along the reference.
     let [reference, reached] =

@@ -30,7 +30,7 @@ use crate::replay::feasibility::{self, Feasibility};
 use crate::replay::feedforward;
 use crate::replay::limits::command_limits;
 use crate::replay::memory::{Precision, RunOptions};
-use crate::report::fit_page::FitPage;
+use crate::report::fit_page::{FitPage, Followed as Pictures};
 use crate::report::numbers::{Document, Numbers};
 use crate::report::page::Section;
 use crate::simulation::closed_loop::{self, BenchModel, LoopRun, TrackingQuality};
@@ -268,14 +268,14 @@ fn fitted(recordings: &[Recording], actuator: Actuator, assumed_sizes: bool, fil
 fn stage_page(path: &Path, done: &Done, report: &Report<'_>, followed: Option<&Followed>) -> Result<Staged> {
     let document = Document::from_report(report)?;
     let numbers = Numbers::from_document(&document);
-    let mut more = vec![Section::new("replay", "Replay on the controller", page::replay(&numbers))];
-    if let Some((sine, runs)) = followed {
-        more.push(Section::new("following", "Following a reference", page::following(&numbers, sine, runs)));
-    }
+    let replay = Section::new("replay", "Replay on the controller", page::replay(&numbers));
+    let followed = followed.map(|(sine, runs)| Pictures {
+        verdict: report.verdict.as_deref(),
+        section: Section::new("following", "Following a reference", page::following(&numbers, sine, runs)),
+    });
     let title =
         if report.simulated { "Demo on simulated recordings of a nonlinear film" } else { "Demo on recordings" };
-    let verdict = report.verdict.as_deref();
-    let html = FitPage { verdict, ..done.page(report.fit) }.html(title, &document, "/fit", more);
+    let html = FitPage { followed, ..done.page(report.fit) }.html(title, &document, "/fit", vec![replay]);
     Staged::new(path, |file| file.write_all(html.as_bytes()))
 }
 

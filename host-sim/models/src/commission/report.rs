@@ -128,10 +128,10 @@ impl Report {
                 let creep = self.creep.map_or_else(String::new, |creep| {
                     format!("; creep removed: {:.1} → {:.1} %", creep.without_pct, creep.with_pct)
                 });
-                let sentence = format!(
-                    "follows within {:.1} % RMS, {:.1} % without the sensor{creep}",
-                    closed.largest_pct, open.largest_pct
-                );
+                // Bounds are rounded up.
+                let [closed_pct, open_pct] = [closed, open].map(|quality| (100.0 * quality.largest_pct).ceil() / 100.0);
+                let sentence =
+                    format!("follows within {closed_pct:.2} % RMS, {open_pct:.2} % without the sensor{creep}");
                 let missing = [
                     (self.steps.len() < Step::CHOICES.len(), "run all steps at once for a record that passes"),
                     (

@@ -198,7 +198,7 @@ impl Done {
     /// The page of the fit with this `report`.
     pub(super) fn page<'a>(&'a self, report: &'a FitReport) -> FitPage<'a> {
         let Self { fit, observations, parameters, direction, .. } = self;
-        FitPage { report, fit, observations, parameters, direction: *direction, verdict: None }
+        FitPage { report, fit, observations, parameters, direction: *direction, followed: None }
     }
 }
 

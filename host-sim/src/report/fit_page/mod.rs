@@ -30,20 +30,31 @@ pub struct FitPage<'a> {
     pub parameters: &'a Parameters,
     /// Input of the model.
     pub direction: Direction,
-    /// How a film follows with it, in a sentence, where one was followed.
+    /// How a film follows with it, where one was simulated.
+    pub followed: Option<Followed<'a>>,
+}
+
+/// How a film follows a reference: the first that the page shows.
+pub struct Followed<'a> {
+    /// In a sentence, where a film was simulated.
     pub verdict: Option<&'a str>,
+    /// In pictures.
+    pub section: Section,
 }
 
 impl FitPage<'_> {
     /// The page. The report is in `document`, which `--json` prints, at `place`; `more` follows the recordings.
-    pub fn html(&self, title: &str, document: &Document, place: &str, more: Vec<Section>) -> String {
+    pub fn html(self, title: &str, document: &Document, place: &str, more: Vec<Section>) -> String {
         let numbers = Numbers::from_document(document).at(place);
         let recordings = html! {
             @for (observation, modelled) in self.observations.iter().zip(&self.fit.modelled) {
                 (recording::charts(observation, modelled))
             }
         };
-        let mut sections = vec![
+        let (verdict, first) =
+            self.followed.map_or((None, None), |Followed { verdict, section }| (verdict, Some(section)));
+        let mut sections: Vec<Section> = first.into_iter().collect();
+        sections.extend([
             Section::new(
                 "warnings",
                 "Warnings",
@@ -51,7 +62,7 @@ impl FitPage<'_> {
             ),
             Section::new("agreement", "Agreement", agreement::tables(&numbers)),
             Section::new("recordings", "Recordings", recordings),
-        ];
+        ]);
         sections.extend(more);
         sections.extend([
             Section::new("model", "Model", model::body(&numbers, self.parameters, self.observations)),
@@ -60,7 +71,7 @@ impl FitPage<'_> {
             Section::new("origin", "Files and origin", origin::body(&numbers, self.direction)),
         ]);
         let lead = html! {
-            @if let Some(verdict) = self.verdict { p.verdict { "The simulated film " (verdict) "." } }
+            @if let Some(verdict) = verdict { p.verdict { "The simulated film " (verdict) "." } }
             p.verdict {
                 (self.report.topology) " with n = " (numbers.number("/branches", Form::Fixed(0)))
                 @if self.report.branches == 1 { " branch" } @else { " branches" }
@@ -69,6 +80,9 @@ impl FitPage<'_> {
                 @if self.report.recordings.len() == 1 { " recording" } @else { " recordings" }
                 "; " (warnings::count(&self.report.warnings)) "."
                 @if self.report.interrupted { " The search was interrupted: this is the best so far." }
+            }
+            @if let Some(file) = &self.report.parameters_file {
+                p { "Next: check a reference of yours with " code { "springpot feedforward --params " (file) " --reference reference.csv --check" } }
             }
         };
         Page { title, lead, sections, document: Some(document) }.html()
