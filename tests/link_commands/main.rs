@@ -253,6 +253,21 @@ fn play_compares_the_parameters() {
     assert_eq!((&report["parameters"], &report["checksum"]), (&who["parameters"], &who["checksum"]));
 }
 
+/// The law follows a film that changes by order, which the board shows.
+#[test]
+fn adaptation_is_ordered_and_shown() {
+    let board = Linked::ready(Scene::CALM);
+    let off = board.json("adaptation");
+    assert_eq!((&off["adapting"], &off["ageing"], &off["trip_at"]), (&"off".into(), &0.0.into(), &Value::Null));
+    names(&board.fails("adaptation learn --trip-at 0"), &["trip-at"]);
+    let learns = board.json("adaptation learn --trip-at 2.5");
+    assert_eq!((&learns["adapting"], &learns["trip_at"]), (&"learn".into(), &2.5.into()));
+    assert_eq!(number(&learns["order_factor"]), 1.0);
+    for (order, adapting) in [("hold", "hold"), ("forget", "hold"), ("learn", "learn"), ("off", "off")] {
+        assert_eq!(board.json(&format!("adaptation {order}"))["adapting"], adapting, "{order}");
+    }
+}
+
 /// References are followed with and without the sensor.
 #[test]
 fn play_follows_references() {

@@ -21,7 +21,9 @@ pub use heapless;
 pub use chips::Drive;
 #[cfg(feature = "chips")]
 pub use chips::{AdcError, Ads868x, Amplifier, AmplifierError};
-pub use control::{Controller, Inputs, LearningOrder, Mode, Outputs, SetpointError, Telemetry};
+pub use control::{
+    AdaptationOrder, AdaptationStatus, Controller, Inputs, LearningOrder, Mode, Outputs, SetpointError, Telemetry,
+};
 #[cfg(feature = "loop-test")]
 pub use control::{Followed, Step, Target, TickCodes, Ticked};
 pub use parameters::{BLOB_LEN, Blob, BlobError, Control, ControllerMemory, Parameters, SCHEMA};

@@ -19,10 +19,9 @@ mod scalar;
 
 pub use actuator::{Actuator, EPSILON_0, GRAVITY, Load, Preload, VoltageDrive};
 pub use control::{
-    Adapted, AdaptiveTracking, AdaptiveTrackingState, AmplifierLag, AmplifierModel, Applied, CommandLimits,
-    Compensator, Feedforward, FeedforwardState, Follower, FollowerState, HARMONICS, Learning, LearningOptions,
-    LearningState, Limited, Observer, ObserverOptions, ObserverState, SensorSample, Statistics, Tracking,
-    TrackingState, VoltageCommand,
+    Adapted, Adapting, AmplifierLag, AmplifierModel, Applied, CommandLimits, Compensator, Feedforward,
+    FeedforwardState, Follower, FollowerState, HARMONICS, Learning, LearningOptions, LearningState, Limited, Observer,
+    ObserverOptions, ObserverState, SensorSample, Statistics, Tracking, TrackingState, VoltageCommand,
 };
 pub use curve::{Curve, Knot, MAX_KNOTS, MAX_SPRING_KNOTS, Measure, Rubber, Spring};
 pub use error::{ActuatorError, ControlError, CurveError, LawError, MAX_BRANCHES, ModelElement, ModelError};

@@ -3,8 +3,8 @@
 use core::hint::black_box;
 
 use springpot::{
-    AdaptiveTracking, Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, LearningState, Limited,
-    Maxwell, Observer, ObserverOptions, SensorSample, Tracking,
+    Adapting, Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, LearningState, Limited, Maxwell,
+    Observer, ObserverOptions, SensorSample, Tracking,
 };
 
 use crate::{Checksum, Name, Report, STEPS, repeat};
@@ -80,21 +80,22 @@ fn tracking(report: &mut impl Report, name: Name, law: Law<f32>) {
     });
 }
 
-/// Bits alone: the cost of a tick depends on its place in a round.
+/// Tracking of a film that changes, over dozens of its rounds.
 #[inline(never)]
 fn adaptive(report: &mut impl Report, name: Name, law: Law<f32>) {
     let rest = law.state();
     let options = ObserverOptions::at_bandwidth(0.6);
-    let config = AdaptiveTracking::new(law, &name.film.actuator(), CommandLimits::BENCH, options);
-    let Ok(config) = config else { panic!("refused") };
+    let Ok(config) = Tracking::new(law, &name.film.actuator(), CommandLimits::BENCH, options) else {
+        panic!("refused")
+    };
     let mut state = config.state(rest);
-    let (mut voltage, mut checksum) = (0.0, Checksum::default());
-    for k in (0..STEPS).map(f32::from) {
+    state.set_adapting(Adapting::Learn);
+    let mut voltage = 0.0;
+    ticks(report, name, |k| {
         config.observe(&mut state, Applied::as_commanded(voltage), black_box(sample(k)));
         voltage = config.command(&mut state, reference(k)).voltage_v;
-        checksum.add(voltage);
-    }
-    report.bits(name, checksum);
+        voltage
+    });
 }
 
 /// In front of a law of control: a reference of 50 ms, whose blocks end within the steps, and a sample in every tenth tick.

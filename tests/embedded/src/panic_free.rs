@@ -11,8 +11,8 @@ use core::panic::PanicInfo;
 use dea_driver::chips::{AdcCode, AdcRange};
 use dea_driver::{Device, Inputs};
 use springpot::{
-    AdaptiveTracking, AdaptiveTrackingState, Applied, Compressed, Law, LawState, Learning, LearningState, Limited,
-    Memory, SensorSample, VoltageDrive,
+    Adapting, Applied, Compressed, Law, LawState, Learning, LearningState, Limited, Memory, SensorSample, Tracking,
+    TrackingState, VoltageDrive,
 };
 
 unsafe extern "C" {
@@ -56,7 +56,9 @@ fn main() -> ! {
         black_box(learning.advance(learned, black_box(1e-3), black_box(Limited::NONE)));
         learning.restart(learned, black_box(1e-3), black_box(true));
         learned.forget();
-        let (tracking, tracked) = (built::<AdaptiveTracking<f32>>(), built::<AdaptiveTrackingState<f32>>());
+        let (tracking, tracked) = (built::<Tracking<f32>>(), built::<TrackingState<f32>>());
+        tracked.set_adapting(black_box(Adapting::Learn));
+        tracked.forget();
         black_box(tracking.observe(tracked, Applied::as_commanded(black_box(1.0)), black_box(Some(sample))));
         black_box(tracking.command(tracked, black_box(1e-3)));
         black_box(tracked.adapted());

@@ -3,13 +3,15 @@
 #[cfg(feature = "link")]
 mod intact;
 
-use springpot::{AmplifierLag, Applied, Compressed, Follower, FollowerState, Law, LawState, Limited, Load, Tracking};
+use springpot::{
+    Adapting, AmplifierLag, Applied, Compressed, Follower, FollowerState, Law, LawState, Limited, Load, Tracking,
+};
 
 #[cfg(feature = "loop-test")]
 use crate::control::loop_test::{Followed, LoopTest, Step, Target};
 use crate::control::sampler::Sampler;
 use crate::control::setpoint::{Ramp, SetpointError};
-use crate::control::{LearningOrder, Mode, Telemetry};
+use crate::control::{AdaptationOrder, AdaptationStatus, LearningOrder, Mode, Telemetry};
 use crate::parameters::{Blob, ControllerMemory, Parameters, Watched};
 use crate::safety::{Cause, Motion, Readings, Refusal, Supervisor};
 
@@ -120,6 +122,8 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     watched: Law<f32, Watched>,
     parameters: Parameters<M>,
     checksum: Option<u32>,
+    /// [Ageing](springpot::Adapted::ageing) from which a run trips.
+    max_ageing: f32,
     /// Digests of all that does not change, once it is sealed.
     #[cfg(feature = "link")]
     digests: Option<intact::Digests>,
@@ -193,6 +197,7 @@ impl<M: ControllerMemory> Controller<M> {
             thinning_per_m,
             shares_per_n,
             shares_per_m,
+            max_ageing: f32::INFINITY,
             sampler,
             mode: Mode::Voltage,
             ran: false,
@@ -277,6 +282,9 @@ impl<M: ControllerMemory> Controller<M> {
         if !(predicted_m + open_loop_m).is_finite() {
             self.supervisor.trip(Cause::Law);
         }
+        if self.course.compensator().is_adapted() {
+            self.check_ageing();
+        }
 
         // Command: what the mode asks for, within the limits. Until there is a reference it is 0 V, and the reference stays with
         // the film, so that following begins without a jump. Targets end with the run, which may have been tripped since the
@@ -286,7 +294,7 @@ impl<M: ControllerMemory> Controller<M> {
             self.clear_target();
         }
         self.ran = runs;
-        let follows = self.supervisor.runs() && self.mode != Mode::Voltage;
+        let follows = runs && self.mode != Mode::Voltage;
         // NaN until one is set, which is 0 V.
         let target = self.target.next();
         let leads = follows && !target.is_nan();
@@ -323,6 +331,16 @@ impl<M: ControllerMemory> Controller<M> {
             limited: wanted.limited.bits() & if follows { u8::MAX } else { Limited::BEYOND_CURVE.bits() },
         };
         Outputs { enable, dac_v, telemetry }
+    }
+
+    /// Trips where the film has moved too far from its law.
+    #[inline(never)] // for laws that adapt
+    fn check_ageing(&mut self) {
+        // NaN is too far.
+        let is_within = self.course.compensator().ageing() <= self.max_ageing;
+        if !is_within && self.supervisor.runs() {
+            self.supervisor.trip(Cause::Ageing);
+        }
     }
 
     /// The larger of `load` and the commanded voltage's behind the stated lag: a monitor that reads too little must not hide the film's stroke.
@@ -364,7 +382,7 @@ impl<M: ControllerMemory> Controller<M> {
     }
 
     /// Begins a run in `mode` at 0 V, where it stays until a target is set. Feedforward uses the model as it was fitted, without
-    /// what was learned in other runs; what was learned of cycles begins anew, unless it is ordered to be
+    /// what was learned in other runs, unless the law [adapts](Self::order_adaptation); what was learned of cycles begins anew, unless it is ordered to be
     /// [carried over](Self::order_learning).
     pub fn start(&mut self, mode: Mode) -> Result<(), Refusal> {
         self.supervisor.start()?;
@@ -376,7 +394,7 @@ impl<M: ControllerMemory> Controller<M> {
         }
         self.ran = true;
         self.course.set_feedback(mode != Mode::Feedforward);
-        if mode == Mode::Feedforward {
+        if mode == Mode::Feedforward && self.course.compensator().adapting() == Adapting::Off {
             self.course.forget_correction();
         }
         Ok(())
@@ -470,6 +488,27 @@ impl<M: ControllerMemory> Controller<M> {
             LearningOrder::Forget => self.course.forget_cycles(),
             LearningOrder::CarryOver => self.course.carry_over(),
         }
+    }
+
+    /// Lets the law follow a film that changes, or not. In any state; it is off in a new controller. Whatever it learns, the model that watches the
+    /// stroke is the one that was fitted.
+    pub fn order_adaptation(&mut self, order: AdaptationOrder) {
+        match order {
+            AdaptationOrder::Learn { trip_at } => {
+                self.max_ageing = trip_at;
+                self.course.set_adapting(Adapting::Learn);
+            }
+            AdaptationOrder::Hold => self.course.set_adapting(Adapting::Hold),
+            AdaptationOrder::Off => self.course.set_adapting(Adapting::Off),
+            AdaptationOrder::Forget => self.course.forget_changes(),
+        }
+    }
+
+    /// How far the film has moved from its law, as far as that was learned.
+    #[must_use]
+    pub fn adaptation(&self) -> AdaptationStatus {
+        let course = self.course.compensator();
+        AdaptationStatus { adapting: course.adapting(), adapted: course.adapted(), trip_at: self.max_ageing }
     }
 
     /// Most ticks over which a new target is approached.

@@ -13,4 +13,4 @@ pub use loop_test::{Followed, Step, Target, TickCodes, Ticked};
 pub use setpoint::SetpointError;
 #[cfg(feature = "link")]
 pub use telemetry::FlightRecord;
-pub use telemetry::{LearningOrder, Mode, Telemetry};
+pub use telemetry::{AdaptationOrder, AdaptationStatus, LearningOrder, Mode, Telemetry};

@@ -1,6 +1,7 @@
 //! The modes of a run, and the records of a tick.
 
 use serde::{Deserialize, Serialize};
+use springpot::{Adapted, Adapting};
 
 #[cfg(feature = "link")]
 use crate::safety::DriverState;
@@ -25,6 +26,35 @@ pub enum LearningOrder {
     Forget,
     /// The next run begins with it, if it follows the same reference from the same phase on. Without this order a run begins with nothing.
     CarryOver,
+}
+
+/// An order for the law of a film that changes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum AdaptationOrder {
+    /// The law follows its film, while the sensor shows it: [`Adapting::Learn`].
+    Learn {
+        /// [Ageing](Adapted::ageing) from which a run trips.
+        trip_at: f32,
+    },
+    /// Nothing is learned, and what was learned stays in use: [`Adapting::Hold`].
+    Hold,
+    /// The law as it was fitted comes back within some seconds, and nothing is learned: [`Adapting::Off`].
+    Off,
+    /// Forget what was learned; learning, if it is on, goes on.
+    Forget,
+}
+
+/// How far a film has moved from its law.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AdaptationStatus {
+    /// How the law follows it.
+    pub adapting: Adapting,
+    /// The changes that are in use.
+    pub adapted: Adapted<f32>,
+    /// Ageing from which a run trips; infinite before it was first ordered to learn.
+    pub trip_at: f32,
 }
 
 /// The record of a tick, for a host's log.

@@ -293,22 +293,7 @@ impl<M: ControllerMemory> Blob<M> {
         if (low_m..=high_m).contains(&unplugged_m) || (low_m..=high_m).contains(&saturated_m) {
             return Err(BlobError::Unplugged { unplugged_m, saturated_m, low_m, high_m });
         }
-        let limits = parameters.control.command_limits(&parameters.limits, parameters.amplifier_lag);
-        let refused = |error| match error {
-            ControlError::Actuator(error) => BlobError::Actuator(error),
-            error => BlobError::Control(error),
-        };
-        let learning = parameters
-            .control
-            .learning_options()
-            .map(|options| Learning::new(&law, &parameters.actuator, limits.max_voltage_v, options).map_err(refused));
-        let learning = learning.transpose()?;
-        let tracking = Tracking::new(law, &parameters.actuator, limits, parameters.control.observer_options());
-        let follower = Follower::new(tracking.map_err(refused)?);
-        let follower = match learning {
-            Some(learning) => follower.with_learning(learning),
-            None => follower,
-        };
+        let follower = parameters.follower(law)?;
         let margin = parameters.margin(follower.compensator().observer().law())?;
         Ok(Self { parameters, follower, supervisor, margin, checksum: None })
     }
@@ -347,6 +332,27 @@ impl<M: ControllerMemory> Blob<M> {
 }
 
 impl<M: ControllerMemory> Parameters<M> {
+    /// The control law along `law`.
+    #[inline(never)] // as `margin`
+    fn follower(&self, law: Law<f32, M>) -> Result<Follower<f32, Tracking<f32, M>>, BlobError> {
+        let limits = self.control.command_limits(&self.limits, self.amplifier_lag);
+        let refused = |error| match error {
+            ControlError::Actuator(error) => BlobError::Actuator(error),
+            error => BlobError::Control(error),
+        };
+        let learning = self
+            .control
+            .learning_options()
+            .map(|options| Learning::new(&law, &self.actuator, limits.max_voltage_v, options).map_err(refused));
+        let learning = learning.transpose()?;
+        let tracking = Tracking::new(law, &self.actuator, limits, self.control.observer_options());
+        let follower = Follower::new(tracking.map_err(refused)?);
+        Ok(match learning {
+            Some(learning) => follower.with_learning(learning),
+            None => follower,
+        })
+    }
+
     /// The share of its displacement by which the coarser law that watches the stroke may be behind `law`.
     #[inline(never)] // so that the coarser law does not stay on the stack of a small chip
     #[allow(clippy::cast_possible_truncation)] // as the laws have it

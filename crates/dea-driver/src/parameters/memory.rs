@@ -72,6 +72,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> ControllerMemory f
 
     fn numbers(follower: &Follower<f32, Tracking<f32, Self>>, take: &mut impl Numbers<f32>) {
         follower.compensator().numbers(take);
+        follower.compensator().numbers_of_changes(take);
         if let Some(learning) = follower.learning() {
             learning.numbers(take);
         }

@@ -83,6 +83,9 @@ pub enum Cause {
     /// Parameters, limits or the film's laws in RAM, or the program in the flash, are not what they were: a bit has flipped. Parameters
     /// that are loaded anew, or a reset, end it.
     Memory,
+    /// While the law follows a film that changes, the film has moved further from its law than the host allows: it has aged, or the sensor
+    /// has lost gain.
+    Ageing,
 }
 
 /// Reasons to refuse a request.

@@ -4,7 +4,9 @@ use heapless::{Deque, String, Vec};
 use springpot::Compressed;
 
 use crate::chips::Drive;
-use crate::control::{Controller, FlightRecord, Inputs, LearningOrder, Mode, SetpointError, Telemetry};
+use crate::control::{
+    AdaptationOrder, AdaptationStatus, Controller, FlightRecord, Inputs, LearningOrder, Mode, SetpointError, Telemetry,
+};
 use crate::parameters::ControllerMemory;
 use crate::safety::{Cause, DriverState, Refusal, Supervisor};
 use crate::wire::{Answer, Inspection, REFUSALS, Reject, Status};
@@ -402,6 +404,27 @@ impl<M: ControllerMemory> Device<M> {
         }
         controller.order_learning(order);
         Ok(())
+    }
+
+    /// [`Controller::order_adaptation`].
+    ///
+    /// # Errors
+    ///
+    /// [`Reject::NoParameters`]; [`Reject::Value`] for a level that is not above 0, and where the parameters ask for no adaptation.
+    pub fn order_adaptation(&mut self, order: AdaptationOrder) -> Result<(), Denial> {
+        let controller = self.installed()?;
+        if let AdaptationOrder::Learn { trip_at } = order
+            && (trip_at.is_nan() || trip_at <= 0.0 || controller.parameters().control.adaptation_s == 0.0)
+        {
+            return Err(Denial::Rejected(Reject::Value));
+        }
+        controller.order_adaptation(order);
+        Ok(())
+    }
+
+    /// [`Controller::adaptation`].
+    pub fn adaptation(&self) -> Result<AdaptationStatus, Denial> {
+        Ok(self.controller.as_ref().ok_or(Denial::Rejected(Reject::NoParameters))?.adaptation())
     }
 
     pub(super) fn installed(&mut self) -> Result<&mut Controller<M>, Denial> {

@@ -4,7 +4,7 @@ use embedded_storage::nor_flash::NorFlash;
 use heapless::String;
 use springpot::Compressed;
 
-use crate::control::{Controller, FlightRecord, LearningOrder, Mode};
+use crate::control::{AdaptationOrder, Controller, FlightRecord, LearningOrder, Mode};
 use crate::parameters::{Blob, BlobError, ControllerMemory, SCHEMA, Store, StoreError};
 use crate::safety::{Cause, DriverState, Refusal};
 use crate::server::{Denial, Device, Upload};
@@ -256,6 +256,11 @@ impl Session {
             Command::InjectFault(fault) if board.inject_fault(fault) => Ok(()),
             Command::InjectFault(_) => Err(Denial::Rejected(Reject::Unknown)),
             Command::Learning(order) => self.drive(token, Act::Learning(order), board),
+            Command::Adapt(order) => self.drive(token, Act::Adapt(order), board),
+            Command::Adaptation => {
+                let found = board.with(|device| device.adaptation()).0;
+                return found.map_or_else(Answer::from, Answer::Adaptation);
+            }
             Command::Reload => self.reload(board),
             Command::Inspect => {
                 let found = board.with(|device| device.inspection()).0;
@@ -357,6 +362,7 @@ impl Session {
                 Act::SetVoltage(volts) => device.set_voltage(volts)?,
                 Act::SetReference(metres) => device.set_reference(metres)?,
                 Act::Learning(order) => device.order_learning(order)?,
+                Act::Adapt(order) => device.order_adaptation(order)?,
             }
             device.heartbeat();
             Ok(())
@@ -437,6 +443,7 @@ enum Act {
     SetVoltage(f32),
     SetReference(f32),
     Learning(LearningOrder),
+    Adapt(AdaptationOrder),
 }
 
 /// How far ahead of the newest request of the host that armed the number of its next one may be. What is older, or was obeyed already, came from a
@@ -454,6 +461,7 @@ fn acts(command: &Command) -> bool {
             | Command::Inspect
             | Command::FlightRecords { .. }
             | Command::Preflight
+            | Command::Adaptation
             | Command::Stop
             | Command::Disarm
             | Command::Stream { .. }

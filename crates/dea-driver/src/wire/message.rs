@@ -3,7 +3,10 @@
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
-use crate::control::{FlightRecord, Followed, LearningOrder, Mode, Step, Target, Telemetry, TickCodes, Ticked};
+use crate::control::{
+    AdaptationOrder, AdaptationStatus, FlightRecord, Followed, LearningOrder, Mode, Step, Target, Telemetry, TickCodes,
+    Ticked,
+};
 use crate::safety::{DriverState, Refusal};
 use crate::wire::{FrameError, Inspection};
 
@@ -126,6 +129,10 @@ pub enum Command {
     SelfTested,
     /// Enable the amplifier at 0 V for a self-test, with 500 V at the most. Answered by [`Answer::Armed`].
     ArmForSelfTest,
+    /// An order for the law of a film that changes. While the amplifier is enabled, only from the host that armed.
+    Adapt(AdaptationOrder),
+    /// Asks how far the film has moved from its law. Answered by [`Answer::Adaptation`].
+    Adaptation,
 }
 
 /// Faults that an image with a virtual bench causes on purpose.
@@ -229,6 +236,8 @@ pub enum Answer {
         /// Time since a self-test has passed, s; none since the start.
         self_test_s: Option<u32>,
     },
+    /// How far the film has moved from its law.
+    Adaptation(AdaptationStatus),
 }
 
 /// Why a frame was not obeyed.

@@ -31,7 +31,10 @@ pub use message::{
 };
 
 pub use crate::chips::boards;
-pub use crate::control::{FlightRecord, Followed, LearningOrder, Mode, Step, Target, Telemetry, TickCodes, Ticked};
+pub use crate::control::{
+    AdaptationOrder, AdaptationStatus, FlightRecord, Followed, LearningOrder, Mode, Step, Target, Telemetry, TickCodes,
+    Ticked,
+};
 
 /// The version of the protocol.
 pub const VERSION: u8 = 4;

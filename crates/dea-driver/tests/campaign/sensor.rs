@@ -1,6 +1,7 @@
 //! Displacement sensors that fail in ways that look plausible: frozen within the converter's noise, drifting, with another gain, slipped,
 //! late; on the model as a film, on stiffer and softer ones, with less force, that warm, and on nonlinear strips that stiffen or are near
-//! pull-in; in every mode, with and without learned cycles.
+//! pull-in; in every mode, with and without learned cycles, and while tracking also with a law that follows its film, however far it seems to
+//! have changed.
 //!
 //! Pass: it trips within a second of the fault, or the film itself stays within 1.1 times its stroke, near pull-in 1.25 times, for as long
 //! as the run lasts: 12 s after the fault, drifts until they have led 1.2 times the stroke away, 120 s at the most. The healthy twin of every
@@ -10,7 +11,9 @@ use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::TAU;
 
 use dea_driver::chips::{AdcCode, AdcRange, DacCode};
-use dea_driver::{Blob, Cause, Control, Controller, DriverState, Inputs, Limits, Mode, Parameters, SensorFault};
+use dea_driver::{
+    AdaptationOrder, Blob, Cause, Control, Controller, DriverState, Inputs, Limits, Mode, Parameters, SensorFault,
+};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -78,6 +81,8 @@ struct Case {
     fault: Fault,
     mode: Mode,
     harmonics: u8,
+    /// Whether the law follows its film.
+    adapts: bool,
     film: &'static str,
     /// The film's stiffness, force or stiffening.
     parameter: f64,
@@ -132,7 +137,7 @@ impl Case {
             }
             _ => Shape::Hold { level_m: most_m * between(random, 0.3, 1.0) },
         };
-        Self { number, fault, mode, harmonics, film, parameter, shape, limit_m }
+        Self { number, fault, mode, harmonics, adapts: false, film, parameter, shape, limit_m }
     }
 
     fn film(&self) -> Film {
@@ -178,8 +183,12 @@ impl Run {
         };
         let control = Control { harmonics: case.harmonics, period_s, ..parameters.control };
         let parameters = Parameters { limits, control, ..parameters };
+        let mut controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
+        if case.adapts {
+            controller.order_adaptation(AdaptationOrder::Learn { trip_at: f32::INFINITY });
+        }
         Self {
-            controller: Controller::new(Blob::new(parameters.clone()).expect("valid")),
+            controller,
             film: case.film(),
             parameters,
             random: Pcg64::seed_from_u64(!case.number),
@@ -289,8 +298,8 @@ fn is_honest(case: &Case, cause: Cause, furthest_m: f64) -> bool {
 struct Counts {
     ends: BTreeMap<(&'static str, End), u32>,
     causes: BTreeMap<(&'static str, String), u32>,
-    /// Farthest after the fault, in strokes: by mode, learned harmonics, fault and film.
-    farthest: BTreeMap<(String, u8, &'static str, &'static str), f64>,
+    /// Farthest after the fault, in strokes: by mode, learned harmonics, whether the law adapts, fault and film.
+    farthest: BTreeMap<(String, u8, bool, &'static str, &'static str), f64>,
     ticks: u64,
     honest: BTreeMap<(&'static str, String), u32>,
     false_trips: Vec<String>,
@@ -303,22 +312,32 @@ struct Counts {
 impl Counts {
     fn run(&mut self, number: u64) {
         let case = Case::new(number);
-        let name = FAULTS[number as usize % 5];
-        let mut twin = Run::new(&case);
+        if case.mode == Mode::Tracking {
+            self.run_case(&Case { adapts: true, ..case.clone() });
+        }
+        self.run_case(&case);
+    }
+
+    fn run_case(&mut self, case: &Case) {
+        let name = FAULTS[case.number as usize % 5];
+        let mut twin = Run::new(case);
         twin.tick(None);
         twin.controller.arm().expect("healthy");
         twin.controller.start(case.mode).expect("armed");
-        if let Some((cause, tick)) = twin.go_on(&case, 0, FAULT, None) {
+        if let Some((cause, tick)) = twin.go_on(case, 0, FAULT, None) {
             self.spoiled += 1;
-            return self.twin_tripped(&case, &twin, cause, tick);
+            return self.twin_tripped(case, &twin, cause, tick);
         }
         let mut faulty = twin.clone();
         faulty.furthest_m = 0.0;
-        if let Some((cause, tick)) = twin.go_on(&case, FAULT, case.duration(), None) {
-            self.twin_tripped(&case, &twin, cause, FAULT + tick);
+        if let Some((cause, tick)) = twin.go_on(case, FAULT, case.duration(), None) {
+            self.twin_tripped(case, &twin, cause, FAULT + tick);
         }
-        let trip = faulty.go_on(&case, FAULT, case.duration(), Some(case.fault));
-        let farthest = self.farthest.entry((format!("{:?}", case.mode), case.harmonics, name, case.film)).or_default();
+        let trip = faulty.go_on(case, FAULT, case.duration(), Some(case.fault));
+        let farthest = self
+            .farthest
+            .entry((format!("{:?}", case.mode), case.harmonics, case.adapts, name, case.film))
+            .or_default();
         *farthest = farthest.max(faulty.furthest_m / case.limit_m);
         self.ticks += u64::from(FAULT + trip.map_or(case.duration(), |(_, tick)| tick));
         let far = faulty.furthest_m > margin(case.film) * case.limit_m;

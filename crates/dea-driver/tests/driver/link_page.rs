@@ -1,7 +1,7 @@
 //! The table of commands in `doc/link.md`, against the device: the number of each command, and the states in which it is refused.
 
 use dea_driver::wire::{Answer, CHUNK, Command, InjectedFault, Reject, Target};
-use dea_driver::{Cause, DriverState, LearningOrder, Mode, Refusal};
+use dea_driver::{AdaptationOrder, Cause, DriverState, LearningOrder, Mode, Refusal};
 
 use crate::host::{Host, blob};
 
@@ -46,6 +46,8 @@ pub fn commands() -> Vec<Command> {
         Command::Preflight,
         Command::SelfTested,
         Command::ArmForSelfTest,
+        Command::Adapt(AdaptationOrder::Learn { trip_at: 3.0 }),
+        Command::Adaptation,
     ]
 }
 

@@ -3,6 +3,7 @@
 #[path = "../../examples/own_converters.rs"]
 mod own_converters;
 
+mod adaptation;
 mod arcs;
 mod bench;
 mod blob_bytes;

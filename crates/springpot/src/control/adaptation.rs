@@ -1,17 +1,20 @@
 //! Estimates how a film differs from the law that was fitted to it.
 
 use core::cmp::Ordering;
-use core::f64::consts::TAU;
 
+use crate::control::adapted::{Adapted, Adapting};
 use crate::control::inverse::share_per_step;
 use crate::control::observer::{Observer, ObserverState};
 use crate::control::observer_options::ObserverOptions;
 use crate::control::path::{clamp, is_finite};
 use crate::law::{Law, LawState, Memory};
+use crate::numbers::Numbers;
 use crate::scalar::{Real, Scalar};
 
 /// Parameters that are estimated: [`SCALE`] to [`BIAS`].
 pub(crate) const PARAMETERS: usize = 5;
+/// Entries above the diagonal of their covariance.
+const ABOVE: usize = PARAMETERS * (PARAMETERS - 1) / 2;
 /// Logarithm of the force scale.
 const SCALE: usize = 0;
 /// Logarithm of the stiffness of what relaxes, where something does not.
@@ -27,10 +30,11 @@ const EXPECTED: [f64; PARAMETERS] = [0.3, 0.3, 0.7, 0.15, 0.005];
 /// Bounds: a force scale of 0.25 to 4, half to twice the memory, a third to three times its rates, orders of 0.8 to 1.3 times; of the bias
 /// in largest forces.
 const BOUNDS: [f64; PARAMETERS] = [1.386, 0.7, 1.1, 0.25, 1.0];
-/// Change of the force scale that is expected in an adaptation time, and times over which what was learned of the others counts less, in
+/// Change of the force scale that is expected in an adaptation time, and rates with which what was learned of the others counts less, over
 /// adaptation times.
 const WANDERING: f64 = 0.005;
-const FORGETTING: [f64; PARAMETERS] = [f64::INFINITY, 4.0, 4.0, 4.0, 2.0];
+const WANDERED: f64 = (WANDERING / EXPECTED[SCALE]) * (WANDERING / EXPECTED[SCALE]);
+const FORGETTING: [f64; PARAMETERS] = [0.0, 0.25, 0.25, 0.25, 0.5];
 /// Force that the parameters leave unexplained in 0.1 s, rms, in largest forces.
 const UNEXPLAINED: f64 = 0.01;
 /// Squares of what is expected above which a difference counts less.
@@ -45,20 +49,22 @@ const MAX_SHARE: f64 = 0.9;
 const MAX_RATE: f64 = 2.0;
 /// Time constant with which an estimate comes into use, s.
 const BLEND_S: f64 = 1.0;
+/// Share of what is expected of the parameters below which what is forgotten is out of use.
+const FORGOTTEN: f64 = 1e-3;
 /// Changes at which a film has aged by 1: a tenth in stiffness, a quarter in its memory, half in its rates, a twentieth in their logarithms.
 const AGED: [f64; 4] = [0.095, 0.223, 0.405, 0.05];
 
 /// Estimates how a film differs from its law, from the force that the observer finds.
 ///
-/// See [`AdaptiveTracking`](crate::AdaptiveTracking) for the parameters. Work is spread over rounds of some thirty ticks: in each tick a
+/// See [`Adapting`] for the parameters. Work is spread over rounds of some thirty ticks: in each tick a
 /// mode, in the last two what was estimated comes into use, and the next estimate is made.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Adaptation<T, P> {
+pub(crate) struct Adaptation<T> {
     /// The first mode that follows, and how many do.
-    first: usize,
-    count: usize,
-    /// Logarithms of the rates of all modes (1/s).
-    logs: P,
+    first: u8,
+    count: u8,
+    /// The step, s: what a mode of 1/s loses within it.
+    step: T,
     /// Stiffness of what does not relax of the memory, and within one step of what does, N/m.
     lasting: T,
     relaxing: T,
@@ -66,22 +72,16 @@ pub(crate) struct Adaptation<T, P> {
     share: T,
     /// Stiffness at the observer's bandwidth and at rest, N/m.
     stiffness: T,
+    /// The largest force, N.
+    largest: T,
     /// Ticks of a round.
     ticks: T,
     /// Share of an estimate that comes into use in a round.
     blend: T,
-    /// Growth of the variances in a round: by a sum of that of the force scale, by factors of the others.
-    wandering: T,
-    growth: [T; PARAMETERS],
-    /// Expected size of the parameters, and their bounds.
-    expected: [T; PARAMETERS],
-    bounds: [T; PARAMETERS],
+    /// A round over the adaptation time, with which variances grow.
+    forgetting: T,
     /// 1 over the force that is left unexplained in a round, 1/N.
     precision: T,
-    /// Distance of the load from its mean from which it distinguishes the parameters, N.
-    excited: T,
-    /// Weight of a round in the bias below that.
-    averaging: T,
 }
 
 /// State of an [`Adaptation`].
@@ -91,6 +91,8 @@ pub(crate) struct AdaptationState<T, P> {
     phase: usize,
     /// By which share what relaxes of the memory is stiffer than its law has it.
     stiffer: T,
+    /// The loss of the mode before in a step, and the logarithm of its rate (1/s).
+    before: (T, T),
     /// Derivatives of the modes' extensions by the logarithms of their rates, m.
     slopes: P,
     /// Sums of their forces in this round: as they are, and times the logarithms, N.
@@ -103,35 +105,39 @@ pub(crate) struct AdaptationState<T, P> {
     /// The forces by which the parameters act, N, and whether the load swings.
     forces: [T; PARAMETERS],
     is_excited: bool,
-    /// The covariance of the estimates as U D Uᵀ, in squares of what is expected: D, and the columns of U above its diagonal.
+    /// The covariance of the estimates as U D Uᵀ, in squares of what is expected: D, and the columns of U above its diagonal, one
+    /// after another.
     diagonal: [T; PARAMETERS],
-    upper: [[T; PARAMETERS]; PARAMETERS],
-    is_on: bool,
-    /// Whether the last command met a limit.
-    pub(crate) is_limited: bool,
+    upper: [T; ABOVE],
+    /// How far the film has moved from its law.
+    ageing: T,
+    /// Whether any of it is in use, and whether it stays so.
+    is_in_use: bool,
+    adapting: Adapting,
 }
 
-impl<T: Real, P: Clone> Adaptation<T, P> {
-    /// Beside an `observer` with these options, of a film with a force of up to `largest_n` (N).
-    pub(crate) fn new<M: Memory<T, PerMode = P>, const PAST: usize>(
-        observer: &Observer<T, M, PAST>,
+impl<T: Real> Adaptation<T> {
+    /// Beside an observer along `law` that accepts these options, of a film with a force of up to `largest_n` (N).
+    ///
+    /// `stiffness` (N/m) is that of the film and of its memory, as far as that is not all of it, at the observer's bandwidth and at rest.
+    #[inline(never)] // a small chip has no room for it beside what is built next
+    pub(crate) fn new<M: Memory<T>>(
+        law: &Law<T, M>,
         largest_n: f64,
+        [stiffness, memory]: [f64; 2],
         options: &ObserverOptions,
     ) -> Self {
-        let (law, adaptation_s) = (observer.law(), options.adaptation_s);
-        let [_, integral] = observer.gains();
+        // Where it is 0 nothing is learned, as if it were infinite.
+        let adaptation_s = if options.adaptation_s > 0.0 { options.adaptation_s } else { f64::INFINITY };
         let step_s = law.step_s();
-        let mut logs = M::per_mode();
         let (mut first, mut end, mut index) = (0, 0, 0);
         let mut lasting = 0.0;
-        while let Some(log) = M::of_mode_mut(&mut logs, index) {
+        while index < M::MODES {
             let [loss, weight] = law.memory().mode(index).map(Scalar::to_f64);
             index += 1;
             // Fastest first; unused modes have no weight, and springs no rate.
             if weight > 0.0 && loss > 0.0 {
-                let rate = loss / step_s;
-                *log = T::from_f64(libm::log(rate));
-                (first, end) = if rate > MAX_RATE { (index, index) } else { (first, index) };
+                (first, end) = if loss > MAX_RATE * step_s { (index, index) } else { (first, index) };
             } else {
                 lasting += weight;
             }
@@ -141,51 +147,69 @@ impl<T: Real, P: Clone> Adaptation<T, P> {
         let ticks = (count + 2) as f64;
         let round_s = ticks * step_s;
         let unexplained = UNEXPLAINED * libm::sqrt(0.1 / round_s) * largest_n;
-        let sized = |values: [f64; PARAMETERS]| {
-            let [scale, memory, rate, stretch, bias] = values;
-            [scale, memory, rate, stretch, bias * largest_n].map(T::from_f64)
-        };
-        let stiffness = integral / (TAU * options.bandwidth_hz);
-        // Without a curve the memory is all of it.
-        let memory = if law.is_curved() { law.memory_stiffness(options.bandwidth_hz) } else { stiffness };
         let share = (memory - lasting) / stiffness;
-        let wandered = WANDERING / EXPECTED[SCALE];
+        #[allow(clippy::cast_possible_truncation)] // some dozens
         Self {
-            first,
-            count,
-            logs,
+            first: first as u8,
+            count: count as u8,
+            step: T::from_f64(step_s),
             lasting: T::from_f64(lasting),
             relaxing: T::from_f64(law.instant() - lasting),
             share: T::from_f64(if share < MAX_SHARE { share } else { 0.0 }),
             stiffness: T::from_f64(stiffness),
+            largest: T::from_f64(largest_n),
             ticks: T::from_f64(ticks),
             blend: T::from_f64(share_per_step(1.0 / BLEND_S, round_s)),
-            wandering: T::from_f64(wandered * wandered * round_s / adaptation_s),
-            growth: FORGETTING.map(|times| T::from_f64(1.0 + round_s / (times * adaptation_s))),
-            expected: sized(EXPECTED),
-            bounds: sized(BOUNDS),
+            forgetting: T::from_f64(round_s / adaptation_s),
             precision: T::from_f64(1.0 / unexplained),
-            excited: T::from_f64(EXCITED * largest_n),
-            averaging: T::from_f64(share_per_step(1.0 / AVERAGING_S, round_s)),
         }
     }
 
-    /// A tick, after that of the `observer`.
+    /// Visits what it computes with.
+    pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
+        take.structure("adaptation", "How a film that changes is followed.");
+        take.count("first", u32::from(self.first), "the first mode that follows");
+        take.count("count", u32::from(self.count), "modes that follow");
+        for (name, value, about) in [
+            ("step", self.step, "s"),
+            ("lasting", self.lasting, "N/m"),
+            ("relaxing", self.relaxing, "N/m"),
+            ("share", self.share, ""),
+            ("stiffness", self.stiffness, "N/m"),
+            ("largest", self.largest, "N"),
+            ("ticks", self.ticks, "of a round"),
+            ("blend", self.blend, ""),
+            ("forgetting", self.forgetting, ""),
+            ("precision", self.precision, "1/N"),
+        ] {
+            take.number(name, value, about);
+        }
+    }
+
+    /// `values`, of the bias in largest forces.
+    #[inline]
+    fn sized(&self, values: [f64; PARAMETERS]) -> [T; PARAMETERS] {
+        let [scale, memory, rate, stretch, bias] = values.map(T::from_f64);
+        [scale, memory, rate, stretch, self.largest * bias]
+    }
+
+    /// A tick, after that of the `observer`; the last command met a limit or not.
     #[inline(never)] // as `Observer::step`
-    pub(crate) fn advance<M: Memory<T, PerMode = P>, const PAST: usize>(
+    pub(crate) fn advance<M: Memory<T>, const PAST: usize>(
         &self,
-        state: &mut AdaptationState<T, P>,
+        state: &mut AdaptationState<T, M::PerMode>,
         observer: &Observer<T, M, PAST>,
         observed: &mut ObserverState<T, M, PAST>,
+        is_limited: bool,
     ) {
         self.stiffen(state.stiffer, observer.law(), &mut observed.film);
-        let phase = state.phase;
-        state.phase = if phase > self.count { 0 } else { phase + 1 };
-        match phase.cmp(&self.count) {
-            Ordering::Less => self.flow(state, self.first + phase, observer.law(), &mut observed.film),
+        let (phase, count) = (state.phase, usize::from(self.count));
+        state.phase = if phase > count { 0 } else { phase + 1 };
+        match phase.cmp(&count) {
+            Ordering::Less => self.flow(state, usize::from(self.first) + phase, observer.law(), &mut observed.film),
             Ordering::Equal => self.bring_into_use(state, observer, observed),
             Ordering::Greater => {
-                if state.is_on && !state.is_limited && observed.is_corrected(observer) {
+                if state.adapting == Adapting::Learn && !is_limited && observed.is_corrected(observer) {
                     self.learn(state, observed.unexplained(self.stiffness));
                 }
             }
@@ -194,7 +218,7 @@ impl<T: Real, P: Clone> Adaptation<T, P> {
 
     /// Makes what relaxes of the memory of a `film` `stiffer` by this share, after a step, which leaves it as its law has it.
     #[inline]
-    fn stiffen<M: Memory<T, PerMode = P>>(&self, stiffer: T, law: &Law<T, M>, film: &mut LawState<T, M>) {
+    fn stiffen<M: Memory<T>>(&self, stiffer: T, law: &Law<T, M>, film: &mut LawState<T, M>) {
         let memory = law.remembered(film);
         let more = stiffer * (memory.force - self.lasting * memory.value);
         film.bend.memory = film.bend.memory + more;
@@ -209,18 +233,23 @@ impl<T: Real, P: Clone> Adaptation<T, P> {
 
     /// Lets the mode `index` flow faster or slower than its law has it, once in a round for all of the round.
     #[inline]
-    fn flow<M: Memory<T, PerMode = P>>(
+    fn flow<M: Memory<T>>(
         &self,
-        state: &mut AdaptationState<T, P>,
+        state: &mut AdaptationState<T, M::PerMode>,
         index: usize,
         law: &Law<T, M>,
         film: &mut LawState<T, M>,
     ) {
-        let (Some(&log), Some(slope)) = (M::of_mode(&self.logs, index), M::of_mode_mut(&mut state.slopes, index))
-        else {
+        let Some(slope) = M::of_mode_mut(&mut state.slopes, index) else {
             return;
         };
         let [loss, weight] = law.memory().mode(index);
+        // The logarithm grows from mode to mode, and from a rate of 1/s.
+        let is_first = index == usize::from(self.first);
+        let (before, log) = if is_first { (self.step, T::ZERO) } else { state.before };
+        // Modes that are not used lose nothing.
+        let (before, log) = if loss > T::ZERO { (loss, log + log_of_ratio(loss, before)) } else { (before, log) };
+        state.before = (before, log);
         let extension = M::extension(&film.history, index);
         let one = T::from_f64(1.0);
         let lost = self.ticks * loss;
@@ -236,9 +265,9 @@ impl<T: Real, P: Clone> Adaptation<T, P> {
 
     /// Brings estimates into use, and finds the forces by which the parameters act now.
     #[inline]
-    fn bring_into_use<M: Memory<T, PerMode = P>, const PAST: usize>(
+    fn bring_into_use<M: Memory<T>, const PAST: usize>(
         &self,
-        state: &mut AdaptationState<T, P>,
+        state: &mut AdaptationState<T, M::PerMode>,
         observer: &Observer<T, M, PAST>,
         observed: &mut ObserverState<T, M, PAST>,
     ) {
@@ -257,26 +286,46 @@ impl<T: Real, P: Clone> Adaptation<T, P> {
             *change = self.blend * (estimate - *used);
             *used = *used + *change;
         }
-        // The total force stays the same at this moment. The bias is a part of the disturbance.
+        if state.adapting == Adapting::Off && self.is_forgotten(&state.used) {
+            for (used, change) in state.used.iter_mut().zip(&mut changes) {
+                *change = *change - *used;
+                *used = T::ZERO;
+            }
+            state.is_in_use = false;
+        }
+        // The total force stays the same at this moment. The bias is a part of the disturbance. The force scale may be another one where
+        // this begins.
+        let scale = exp(state.used[SCALE]);
+        let grown = scale / observed.force_scale();
+        changes[SCALE] = grown - one;
         changes[BIAS] = T::ZERO;
         let shift = changes.iter().zip(&forces).fold(T::ZERO, |sum, (&change, &force)| sum + change * force);
         state.steps = [changes[RATE], changes[STRETCH]];
-        observed.adapt_to(exp(changes[SCALE]), shift, state.used[BIAS]);
+        observed.adapt_to(scale, shift, state.used[BIAS]);
         state.stiffer = exp(state.used[MEMORY]) - one;
+        let moved = state.used.iter().zip(AGED).map(|(used, aged)| used.abs() * T::from_f64(1.0 / aged));
+        state.ageing = moved.fold(T::ZERO, |largest, change| if change > largest { change } else { largest });
         // What is not seen changes as well.
-        let scale = state.diagonal[SCALE] + self.wandering;
+        let scale = state.diagonal[SCALE] + T::from_f64(WANDERED) * self.forgetting;
         state.diagonal[SCALE] = if scale > one { one } else { scale };
         state.forces = forces;
-        state.is_excited = observed.load_swing(load) > self.excited;
+        state.is_excited = observed.load_swing(load) > T::from_f64(EXCITED) * self.largest;
+    }
+
+    /// Returns `true` where so little is in use that it may go.
+    fn is_forgotten(&self, used: &[T; PARAMETERS]) -> bool {
+        let few = T::from_f64(FORGOTTEN);
+        used.iter().zip(self.sized(EXPECTED)).all(|(used, expected)| used.abs() <= few * expected)
     }
 
     /// Learns from an `unexplained` force (N): recursive least squares in Bierman's form, whose covariance stays positive in single precision.
     #[inline(never)]
-    fn learn(&self, state: &mut AdaptationState<T, P>, unexplained: T) {
+    fn learn<P>(&self, state: &mut AdaptationState<T, P>, unexplained: T) {
         let AdaptationState { estimates, used, forces, diagonal, upper, .. } = state;
         if !state.is_excited {
             // A load that stays distinguishes nothing.
-            estimates[BIAS] = estimates[BIAS] + self.averaging * (unexplained - estimates[BIAS]);
+            estimates[BIAS] =
+                estimates[BIAS] + T::from_f64(BLEND_S / AVERAGING_S) * self.blend * (unexplained - estimates[BIAS]);
             return;
         }
         // The disturbance has all of the bias.
@@ -284,7 +333,8 @@ impl<T: Real, P: Clone> Adaptation<T, P> {
         let one = T::from_f64(1.0);
         let mut regressors = [T::ZERO; PARAMETERS];
         let mut open = unexplained;
-        let sized = forces.iter().zip(&self.expected);
+        let expected = self.sized(EXPECTED);
+        let sized = forces.iter().zip(&expected);
         for ((regressor, (&force, &expected)), (&estimate, &used)) in
             regressors.iter_mut().zip(sized).zip(estimates.iter().zip(&used))
         {
@@ -297,8 +347,13 @@ impl<T: Real, P: Clone> Adaptation<T, P> {
         }
         let mut gains = [T::ZERO; PARAMETERS];
         let mut total = one;
-        for (index, (column, variance)) in upper.iter_mut().zip(&mut *diagonal).enumerate() {
-            let above = column.iter().zip(&regressors).take(index);
+        let mut columns = &mut upper[..];
+        for (index, variance) in diagonal.iter_mut().enumerate() {
+            let Some((column, others)) = columns.split_at_mut_checked(index) else {
+                return;
+            };
+            columns = others;
+            let above = column.iter().zip(&regressors);
             let own = regressors.get(index).copied().unwrap_or(T::ZERO);
             let along = above.fold(own, |sum, (&entry, &regressor)| sum + entry * regressor);
             let spread = *variance * along;
@@ -306,7 +361,7 @@ impl<T: Real, P: Clone> Adaptation<T, P> {
             total = total + along * spread;
             *variance = *variance * (before / total);
             let back = -(along / before);
-            for (entry, gain) in column.iter_mut().zip(&mut gains).take(index) {
+            for (entry, gain) in column.iter_mut().zip(&mut gains) {
                 let was = *entry;
                 *entry = was + *gain * back;
                 *gain = *gain + was * spread;
@@ -318,12 +373,12 @@ impl<T: Real, P: Clone> Adaptation<T, P> {
         // What is less plausible counts less.
         let doubt = one + innovation * innovation / (T::from_f64(PLAUSIBLE) * total);
         let step = innovation / (total * doubt);
-        let allowed = self.expected.iter().zip(&self.bounds);
-        for ((estimate, gain), (&expected, &bound)) in estimates.iter_mut().zip(gains).zip(allowed) {
+        let allowed = expected.into_iter().zip(self.sized(BOUNDS));
+        for ((estimate, gain), (expected, bound)) in estimates.iter_mut().zip(gains).zip(allowed) {
             *estimate = clamp(*estimate + gain * step * expected, -bound, bound);
         }
-        for (variance, &growth) in diagonal.iter_mut().zip(&self.growth) {
-            let grown = growth * *variance;
+        for (variance, rate) in diagonal.iter_mut().zip(FORGETTING) {
+            let grown = *variance + self.forgetting * T::from_f64(rate) * *variance;
             *variance = if grown > one { one } else { grown };
         }
     }
@@ -335,6 +390,7 @@ impl<T: Real, P> AdaptationState<T, P> {
         Self {
             phase: 0,
             stiffer: T::ZERO,
+            before: (T::ZERO, T::ZERO),
             slopes: M::per_mode(),
             sums: [T::ZERO; 2],
             estimates: [T::ZERO; PARAMETERS],
@@ -343,42 +399,74 @@ impl<T: Real, P> AdaptationState<T, P> {
             forces: [T::ZERO; PARAMETERS],
             is_excited: false,
             diagonal: [T::from_f64(1.0); PARAMETERS],
-            upper: [[T::ZERO; PARAMETERS]; PARAMETERS],
-            is_on: true,
-            is_limited: false,
+            upper: [T::ZERO; ABOVE],
+            ageing: T::ZERO,
+            is_in_use: false,
+            adapting: Adapting::Off,
         }
     }
 
-    /// The parameters that are in use.
-    pub(crate) fn used(&self) -> [T; PARAMETERS] {
-        self.used
-    }
-
-    /// Standard deviation of the force scale, over it.
-    pub(crate) fn uncertainty(&self) -> T {
-        let others = self.upper.iter().zip(&self.diagonal);
-        let variance = others
-            .fold(self.diagonal[SCALE], |sum, (column, &variance)| sum + column[SCALE] * column[SCALE] * variance);
-        T::from_f64(EXPECTED[SCALE]) * variance.sqrt()
+    /// Whether ticks have to [`advance`](Adaptation::advance) it.
+    #[inline]
+    pub(crate) fn is_in_use(&self) -> bool {
+        self.is_in_use
     }
 
     /// How far the film has moved from its law: the largest change over the one that is 1.
+    #[inline]
     pub(crate) fn ageing(&self) -> T {
-        let changes = self.used.iter().zip(AGED).map(|(used, aged)| used.abs() / T::from_f64(aged));
-        changes.fold(T::ZERO, |largest, change| if change > largest { change } else { largest })
+        self.ageing
     }
 
-    /// Learns from now on, or not.
-    pub(crate) fn set_learning(&mut self, is_on: bool) {
-        self.is_on = is_on;
+    pub(crate) fn adapting(&self) -> Adapting {
+        self.adapting
+    }
+
+    pub(crate) fn set_adapting<M: Memory<T, PerMode = P>>(&mut self, adapting: Adapting) {
+        if adapting == Adapting::Off {
+            self.forget();
+        } else if !self.is_in_use {
+            *self = Self { is_in_use: true, ..Self::as_fitted::<M>() };
+        }
+        self.adapting = adapting;
+    }
+
+    /// Nothing is known of the film, at once; learning goes on.
+    pub(crate) fn reset<M: Memory<T, PerMode = P>>(&mut self) {
+        let adapting = self.adapting;
+        *self = Self { is_in_use: adapting != Adapting::Off, adapting, ..Self::as_fitted::<M>() };
+    }
+
+    pub(crate) fn adapted(&self, force_scale: T) -> Adapted<T> {
+        let [_, memory, rate, stretch, bias_n] = self.used;
+        Adapted { force_scale, uncertainty: self.uncertainty(), memory, rate, stretch, bias_n, ageing: self.ageing }
+    }
+
+    /// Standard deviation of the force scale, over it.
+    fn uncertainty(&self) -> T {
+        let [first, others @ ..] = &self.diagonal;
+        // Of each column the entry of the first row.
+        let mut entries = self.upper.iter();
+        let variance = others.iter().enumerate().fold(*first, |sum, (column, &variance)| {
+            let entry = entries.nth(column.saturating_sub(1)).copied().unwrap_or(T::ZERO);
+            sum + entry * entry * variance
+        });
+        T::from_f64(EXPECTED[SCALE]) * variance.sqrt()
     }
 
     /// The law comes back into use, and nothing is known of the film.
     pub(crate) fn forget(&mut self) {
         self.estimates = [T::ZERO; PARAMETERS];
         self.diagonal = [T::from_f64(1.0); PARAMETERS];
-        self.upper = [[T::ZERO; PARAMETERS]; PARAMETERS];
+        self.upper = [T::ZERO; ABOVE];
     }
+}
+
+/// ln (x / y) within 0.001 for ratios of 0.5 to 2, and within a tenth of it for ratios of 0.05 to 20.
+fn log_of_ratio<T: Real>(x: T, y: T) -> T {
+    let part = (x - y) / (x + y);
+    let square = part * part;
+    part * (T::from_f64(2.0) + square * (T::from_f64(2.0 / 3.0) + T::from_f64(0.4) * square))
 }
 
 /// e^x within 1e-4 for x of −2 to 2, in operations that are the same everywhere.

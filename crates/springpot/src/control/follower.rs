@@ -1,5 +1,6 @@
 //! The whole law of control: a reference is followed, with or without a sensor, and its cycles are learned.
 
+use crate::control::adapted::Adapting;
 use crate::control::feedforward::{Feedforward, FeedforwardState};
 use crate::control::inverse::{Applied, VoltageCommand};
 use crate::control::learning::{Learning, LearningState};
@@ -7,7 +8,7 @@ use crate::control::limits::Limited;
 use crate::control::observer::{ObserverState, SensorSample};
 use crate::control::tracking::{Tracking, TrackingState};
 use crate::law::{LawState, Memory};
-use crate::scalar::Real;
+use crate::scalar::{Real, Scalar};
 
 /// A control law that a [`Follower`] composes: [`Tracking`], or [`Feedforward`] where no sensor corrects it.
 ///
@@ -168,7 +169,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> sealed::Compensates<T> for Tracki
 /// # }
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct Follower<T, C = Tracking<T>, const PAST: usize = 64> {
+pub struct Follower<T: Scalar, C = Tracking<T>, const PAST: usize = 64> {
     compensator: C,
     learning: Option<Learning<T, PAST>>,
 }
@@ -378,5 +379,15 @@ impl<T: Real, M: Memory<T>, const TICKS: usize, const PAST: usize> FollowerState
     #[inline]
     pub fn observer(&self) -> &ObserverState<T, M, TICKS> {
         self.compensator.observer()
+    }
+
+    /// [`TrackingState::set_adapting`].
+    pub fn set_adapting(&mut self, adapting: Adapting) {
+        self.compensator.set_adapting(adapting);
+    }
+
+    /// [`TrackingState::forget_changes`].
+    pub fn forget_changes(&mut self) {
+        self.compensator.forget_changes();
     }
 }

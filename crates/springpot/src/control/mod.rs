@@ -1,7 +1,7 @@
 //! Control that steps one law once per tick: feedforward, observer, tracking, which combines both, and the follower around them.
 
 mod adaptation;
-mod adaptive_tracking;
+mod adapted;
 mod amplifier;
 mod block;
 mod cycle;
@@ -19,7 +19,7 @@ mod path;
 mod statistics;
 mod tracking;
 
-pub use adaptive_tracking::{Adapted, AdaptiveTracking, AdaptiveTrackingState};
+pub use adapted::{Adapted, Adapting};
 pub use amplifier::{AmplifierLag, AmplifierModel};
 pub use feedforward::{Feedforward, FeedforwardState};
 pub use follower::{Compensator, Follower, FollowerState};

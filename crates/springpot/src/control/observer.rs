@@ -493,13 +493,19 @@ impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
         self.since_sample <= observer.lost_after && self.share > T::from_f64(FULL_SHARE)
     }
 
-    /// Multiplies the force scale by `grown`. The disturbance becomes less by `shift` (N), which the model now has, and without a sensor
+    /// From now on the force scale is `scale`. The disturbance becomes less by `shift` (N), which the model now has, and without a sensor
     /// `kept` (N).
-    pub(crate) fn adapt_to(&mut self, grown: T, shift: T, kept: T) {
-        self.force_scale = self.force_scale * grown;
+    pub(crate) fn adapt_to(&mut self, scale: T, shift: T, kept: T) {
+        self.force_scale = scale;
         self.integral = self.integral - shift;
         self.disturbance = self.disturbance - shift;
         self.integral_mean = kept;
+    }
+
+    /// Until the next sample the force scale stays: something else adapts it.
+    #[inline]
+    pub(crate) fn keep_force_scale(&mut self) {
+        self.adapting = T::ZERO;
     }
 
     pub(crate) fn correction(&self) -> Correction<T> {

@@ -1,9 +1,11 @@
 //! Tracking: feedforward with a sensor. The observer's disturbance is subtracted from the command.
 
-use crate::actuator::Actuator;
+use crate::actuator::{Actuator, Load};
+use crate::control::adaptation::{Adaptation, AdaptationState};
+use crate::control::adapted::{Adapted, Adapting};
 use crate::control::fade::{Fade, FadeState};
 use crate::control::inverse::{Applied, Inverse, InverseState, VoltageCommand};
-use crate::control::limits::CommandLimits;
+use crate::control::limits::{CommandLimits, Limited};
 use crate::control::observer::{Observer, ObserverState, SensorSample};
 use crate::control::observer_options::ObserverOptions;
 use crate::error::ControlError;
@@ -23,14 +25,16 @@ use crate::scalar::{Real, Scalar};
 /// above 0.6 bandwidths less and less of the correction is used: a thirtieth from 0.85 bandwidths on, which corrects their mean. Steps, ramps
 /// and slow cycles keep all of it.
 ///
-/// While the sensor is lost the feedforward acts alone as well, with the disturbance and force scale learned so far.
+/// While the sensor is lost the feedforward acts alone as well, with the disturbance and force scale learned so far. A film that changes in
+/// more than its force scale is followed once its state [learns](Adapting) it.
 ///
 /// The [crate page](crate#follower) has a program that steps it through a [`Follower`](crate::Follower).
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tracking<T, M = crate::Compressed<T>, const PAST: usize = 64> {
+pub struct Tracking<T: Scalar, M: Memory<T> = crate::Compressed<T>, const PAST: usize = 64> {
     observer: Observer<T, M, PAST>,
     inverse: Inverse<T>,
     fade: Fade<T>,
+    adaptation: Adaptation<T>,
 }
 
 /// State of a [`Tracking`]: changes with every tick.
@@ -40,9 +44,12 @@ pub struct TrackingState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const P
     fade: FadeState<T>,
     /// The share of the correction that is left to the observer where cycles are learned.
     most: T,
+    /// Limits that the last command met.
+    limited: Limited,
+    adaptation: AdaptationState<T, M::PerMode>,
 }
 
-state_traits!(TrackingState<T, M, PAST> { observer, inverse, fade, most });
+state_traits!(TrackingState<T, M, PAST> { observer, inverse, fade, most, limited, adaptation });
 
 /// Share of the static stroke at the largest voltage by which a reference must move so that its frequency counts.
 const MIN_SHARE: f64 = 2e-3;
@@ -79,8 +86,12 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         let stroke_m = actuator.electrostatic_force(limits.max_voltage_v) / law.stiffness_at_rest();
         let interval_s = options.sample_interval_s.max(law.step_s());
         let fade = Fade::new(options.bandwidth_hz, interval_s, MIN_SHARE * stroke_m);
+        let stiffness = law.dynamic_stiffness(options.bandwidth_hz, law.tangent_at_rest()).re;
+        let memory = if law.is_curved() { law.memory_stiffness(options.bandwidth_hz) } else { stiffness };
+        let largest_n = actuator.electrostatic_force(limits.max_voltage_v);
+        let adaptation = Adaptation::new(&law, largest_n, [stiffness, memory], &options);
         let observer = Observer::with_past(law, actuator, limits.max_voltage_v, options)?;
-        Ok(Self { observer, inverse, fade })
+        Ok(Self { observer, inverse, fade, adaptation })
     }
 
     /// A state that begins with `film`, at 0 V; the reference begins where the film is.
@@ -88,7 +99,14 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     pub fn state(&self, film: LawState<T, M>) -> TrackingState<T, M, PAST> {
         let inverse = InverseState::at(film.position());
         let fade = FadeState::at(film.position());
-        TrackingState { observer: self.observer.state(film), inverse, fade, most: T::from_f64(1.0) }
+        TrackingState {
+            observer: self.observer.state(film),
+            inverse,
+            fade,
+            most: T::from_f64(1.0),
+            limited: Limited::NONE,
+            adaptation: AdaptationState::as_fitted::<M>(),
+        }
     }
 
     /// Steps the film under the voltage that was really applied since the last tick and corrects it with a `sample`, if one
@@ -105,7 +123,28 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
             self.fade.advance(&mut state.fade, state.inverse.path.position, state.most);
             self.observer.set_share(&mut state.observer, state.fade.share());
         }
-        self.observer.step(&mut state.observer, self.observer.drive().load(voltage), sample)
+        let load = self.observer.drive().load(voltage);
+        if state.adaptation.is_in_use() {
+            return self.observe_change(state, load, sample);
+        }
+        self.observer.step(&mut state.observer, load, sample)
+    }
+
+    /// Steps a film that changes, and what follows it.
+    #[inline(never)] // for films that change
+    fn observe_change(
+        &self,
+        state: &mut TrackingState<T, M, PAST>,
+        load: Load<T>,
+        sample: Option<SensorSample<T>>,
+    ) -> T {
+        state.observer.keep_force_scale();
+        let position = self.observer.step(&mut state.observer, load, sample);
+        // Shaping changes the reference, not the command.
+        let shaping = Limited::VELOCITY | Limited::ACCELERATION;
+        let is_limited = state.limited | shaping != shaping;
+        self.adaptation.advance(&mut state.adaptation, &self.observer, &mut state.observer, is_limited);
+        position
     }
 
     /// The voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A non-finite
@@ -116,7 +155,9 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         let correction = state.observer.correction();
         let TrackingState { observer, inverse, .. } = state;
         let (law, drive) = (self.observer.law(), self.observer.drive());
-        self.inverse.command(law, drive, &observer.film, inverse, reference, correction)
+        let command = self.inverse.command(law, drive, &observer.film, inverse, reference, correction);
+        state.limited = command.limited;
+        command
     }
 
     /// The observer.
@@ -139,6 +180,12 @@ impl<T: Real, const HEAD: usize, const FAST: usize, const SLOW: usize, const PAS
         self.observer.own_numbers(take);
         self.fade.numbers(take);
     }
+
+    /// Visits what a tick of a film that changes computes with besides.
+    #[doc(hidden)]
+    pub fn numbers_of_changes(&self, take: &mut impl Numbers<T>) {
+        self.adaptation.numbers(take);
+    }
 }
 
 impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
@@ -146,10 +193,6 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
     #[must_use]
     pub fn observer(&self) -> &ObserverState<T, M, PAST> {
         &self.observer
-    }
-
-    pub(crate) fn observer_mut(&mut self) -> &mut ObserverState<T, M, PAST> {
-        &mut self.observer
     }
 
     /// All of the correction is in use until the reference has moved again: for a voltage that does not follow the sensor.
@@ -162,9 +205,47 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         self.most = T::from_f64(1.0) - taken_over;
     }
 
-    /// Resets disturbance and force scale to 0 and 1: the model as it was fitted.
+    /// Resets disturbance and force scale to 0 and 1, and what was learned of a film that changes: the model as it was fitted, at once.
+    /// [Learning](Adapting::Learn) goes on.
     pub fn forget(&mut self) {
         self.observer.forget();
+        self.adaptation.reset::<M>();
+    }
+
+    /// How the law follows a film that changes: [off](Adapting::Off) at first.
+    #[must_use]
+    pub fn adapting(&self) -> Adapting {
+        self.adaptation.adapting()
+    }
+
+    /// Whether anything was learned of a film that changes.
+    #[must_use]
+    #[inline]
+    pub fn is_adapted(&self) -> bool {
+        self.adaptation.is_in_use()
+    }
+
+    /// From now on the law follows a film that changes, stays as it has followed it, or as it was fitted.
+    pub fn set_adapting(&mut self, adapting: Adapting) {
+        self.adaptation.set_adapting::<M>(adapting);
+    }
+
+    /// How the film differs from its law, as far as that was learned.
+    #[must_use]
+    pub fn adapted(&self) -> Adapted<T> {
+        self.adaptation.adapted(self.observer.force_scale())
+    }
+
+    /// [`Adapted::ageing`].
+    #[must_use]
+    #[inline]
+    pub fn ageing(&self) -> T {
+        self.adaptation.ageing()
+    }
+
+    /// Forgets what was learned of a film that changes: it goes out of use within some seconds. Learning goes on.
+    pub fn forget_changes(&mut self) {
+        self.adaptation.forget();
     }
 
     /// The voltage on the film, V: what the amplifier has made of the commands.

@@ -358,6 +358,8 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Steps<T
     type History = CompressedHistory<T, HEAD, FAST, SLOW>;
     type PerMode = PerMode<T, FAST, SLOW>;
 
+    const MODES: usize = FAST + SLOW;
+
     #[inline]
     fn advance(&self, history: &mut Self::History, increment: T) -> T {
         let newest = match history.newest.min(HEAD - 1) {
@@ -402,11 +404,6 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Steps<T
 
     fn per_mode() -> Self::PerMode {
         PerMode { fast: [T::ZERO; FAST], slow: [T::ZERO; SLOW] }
-    }
-
-    #[inline]
-    fn of_mode(numbers: &Self::PerMode, index: usize) -> Option<&T> {
-        if index < FAST { numbers.fast.get(index) } else { numbers.slow.get(index - FAST) }
     }
 
     #[inline]

@@ -44,6 +44,9 @@ pub(crate) mod sealed {
         /// A number for each decaying mode.
         type PerMode: Clone + core::fmt::Debug + PartialEq;
 
+        /// Decaying modes, fastest first.
+        const MODES: usize;
+
         /// Stores the newest increment of displacement (m) and returns the force (N) that the film would show at the
         /// next step if it went on with that increment.
         ///
@@ -56,10 +59,7 @@ pub(crate) mod sealed {
         /// So many zeros.
         fn per_mode() -> Self::PerMode;
 
-        /// The number of mode `index`, fastest first; `None` beyond the last.
-        fn of_mode(numbers: &Self::PerMode, index: usize) -> Option<&T>;
-
-        /// The same to change it.
+        /// The number of mode `index`; `None` beyond the last.
         fn of_mode_mut(numbers: &mut Self::PerMode, index: usize) -> Option<&mut T>;
 
         /// 1 − ρ and the weight (N/m) of mode `index`.

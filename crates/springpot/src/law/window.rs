@@ -99,6 +99,8 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Steps<T> for Window<T, B> {
     /// It has no modes.
     type PerMode = ();
 
+    const MODES: usize = 0;
+
     #[inline]
     fn advance(&self, history: &mut Self::History, increment: T) -> T {
         let increments = history.increments.as_mut();
@@ -126,10 +128,6 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Steps<T> for Window<T, B> {
     fn leave_inertia(&mut self) {}
 
     fn per_mode() -> Self::PerMode {}
-
-    fn of_mode((): &Self::PerMode, _: usize) -> Option<&T> {
-        None
-    }
 
     fn of_mode_mut((): &mut Self::PerMode, _: usize) -> Option<&mut T> {
         None

@@ -7,8 +7,8 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{
-    Actuator, Adapted, AdaptiveTracking, AdaptiveTrackingState, Applied, CommandLimits, ControlError, Law, LawOptions,
-    LawState, Load, Maxwell, Measure, ObserverOptions, Real, SensorSample, Spring, Springpot, Topology, VoltageDrive,
+    Actuator, Adapted, Adapting, Applied, CommandLimits, Law, LawOptions, LawState, Load, Maxwell, Measure,
+    ObserverOptions, Real, SensorSample, Spring, Springpot, Topology, Tracking, TrackingState, VoltageDrive,
 };
 
 const ACTUATOR: Actuator =
@@ -93,9 +93,9 @@ fn reference_m(k: usize) -> f64 {
     LOW_M * rise + 0.5 * (HIGH_M - LOW_M) * swing
 }
 
-fn tracking(kind: Kind) -> AdaptiveTracking<f32> {
+fn tracking(kind: Kind) -> Tracking<f32> {
     let limits = CommandLimits { max_field_v_per_m: 1e8, ..CommandLimits::BENCH };
-    AdaptiveTracking::new(law(kind, NONE, 1e-3), &ACTUATOR, limits, ObserverOptions::at_bandwidth(0.6)).expect("valid")
+    Tracking::new(law(kind, NONE, 1e-3), &ACTUATOR, limits, ObserverOptions::at_bandwidth(0.6)).expect("valid")
 }
 
 /// A run of so many `seconds`: RMS error where the sensor is not `seen`, in % of peak to peak, and the state at the end. A reading is what `read` makes of the displacement, with noise, 100 a second, 10 ms late.
@@ -105,10 +105,11 @@ fn run(
     seconds: usize,
     seen: impl Fn(usize) -> bool,
     read: impl Fn(usize, f64) -> f64,
-    mut act: impl FnMut(usize, &mut AdaptiveTrackingState<f32>),
-) -> (f64, AdaptiveTrackingState<f32>) {
+    mut act: impl FnMut(usize, &mut TrackingState<f32>),
+) -> (f64, TrackingState<f32>) {
     let tracking = tracking(kind);
-    let mut state = tracking.state(tracking.tracking().observer().law().state());
+    let mut state = tracking.state(tracking.observer().law().state());
+    state.set_adapting(Adapting::Learn);
     let mut plant = Plant::new(kind, change);
     let mut random = Pcg64::seed_from_u64(7);
     let (mut voltage, mut sample) = (0.0f32, None);
@@ -181,15 +182,6 @@ fn what_differs_is_named() {
     assert!(found.uncertainty < 0.05, "{found:?}");
 }
 
-/// A law without modes has nothing to adapt but the force scale and the bias; nothing is refused but times of 0.
-#[test]
-fn options_are_checked() {
-    let options = ObserverOptions { adaptation_s: 0.0, ..ObserverOptions::at_bandwidth(0.6) };
-    let refused =
-        AdaptiveTracking::<f32>::new(law(Kind::Straight, NONE, 1e-3), &ACTUATOR, CommandLimits::BENCH, options);
-    assert!(matches!(refused, Err(ControlError::NotPositive { quantity: "adaptation_s", .. })));
-}
-
 /// Nothing is learned without a sensor, or once it is switched off; what is forgotten is the law as it was fitted.
 #[test]
 fn it_is_frozen_switched_off_and_forgotten() {
@@ -211,7 +203,7 @@ fn it_is_frozen_switched_off_and_forgotten() {
     assert!((after.force_scale / before.force_scale - 1.0).abs() < 1e-4, "{before:?} {after:?}");
     assert!((after.rate - before.rate).abs() < 1e-4 && (after.memory - before.memory).abs() < 1e-4);
 
-    let (_, off) = run(Kind::TwoCurves, softer, 30, |_| true, |_, x| x, |_, state| state.set_learning(false));
+    let (_, off) = run(Kind::TwoCurves, softer, 30, |_| true, |_, x| x, |_, state| state.set_adapting(Adapting::Hold));
     assert_eq!((off.adapted().force_scale, off.adapted().ageing), (1.0, 0.0));
 
     let (_, forgotten) = run(
@@ -222,13 +214,14 @@ fn it_is_frozen_switched_off_and_forgotten() {
         |_, x| x,
         |k, state| {
             if k == 40_000 {
-                state.set_learning(false);
-                state.forget();
+                state.set_adapting(Adapting::Off);
             }
         },
     );
-    let forgotten = forgotten.adapted();
-    assert!((forgotten.force_scale - 1.0).abs() < 1e-3 && forgotten.ageing < 1e-3, "{forgotten:?}");
+    // The force scale is as tracking has it that does not adapt.
+    let adapted = forgotten.adapted();
+    assert_eq!((adapted.memory, adapted.rate, adapted.stretch, adapted.ageing), (0.0, 0.0, 0.0, 0.0));
+    assert_eq!(forgotten.adapting(), Adapting::Off);
 }
 
 /// Sensors that lie: every number stays finite and within its bounds, and the film within what the sensor's error explains.
@@ -253,7 +246,7 @@ fn sensors_that_lie_do_not_run_away() {
                 |k| k < 80_000,
                 lie,
                 |_, state| {
-                    furthest = furthest.max(f64::from(state.tracking().observer().displacement().abs()));
+                    furthest = furthest.max(f64::from(state.observer().displacement().abs()));
                 },
             );
             let found = state.adapted();

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use host_io::choice;
 use springpot::{
-    Actuator, AdaptiveTracking, Applied, CommandLimits, Compensator, Feedforward, Follower, FollowerState, Learning,
+    Actuator, Adapting, Applied, CommandLimits, Compensator, Feedforward, Follower, FollowerState, Learning,
     LearningOptions, Limited, Observer, ObserverOptions, Preload, Real, SensorSample, Tracking,
 };
 
@@ -127,23 +127,17 @@ fn build_in<T: Real + Send + 'static>(
             let follower = learning_too(Feedforward::new(law, &actuator, limits)?, learning);
             Box::new(Following { state: follower.state(rest), follower, correction: |_| None })
         }
-        ControllerKind::Tracking => {
+        ControllerKind::Tracking | ControllerKind::Adaptive => {
             let (rest, learning) = (law.state(), learning.transpose()?);
             let tracking = Tracking::new(law, &actuator, limits, settings.observer).map_err(refused)?;
             let follower = learning_too(tracking, learning);
             let correction =
                 |state: &FollowerState<T>| Some((state.observer().disturbance(), state.observer().force_scale()));
-            Box::new(Following { state: follower.state(rest), follower, correction })
-        }
-        ControllerKind::Adaptive => {
-            let (rest, learning) = (law.state(), learning.transpose()?);
-            let tracking = AdaptiveTracking::new(law, &actuator, limits, settings.observer).map_err(refused)?;
-            let follower = learning_too(tracking, learning);
-            let correction = |state: &FollowerState<T, AdaptiveTracking<T>>| {
-                let observer = state.compensator().tracking().observer();
-                Some((observer.disturbance(), observer.force_scale()))
-            };
-            Box::new(Following { state: follower.state(rest), follower, correction })
+            let mut state = follower.state(rest);
+            if kind == ControllerKind::Adaptive {
+                state.set_adapting(Adapting::Learn);
+            }
+            Box::new(Following { state, follower, correction })
         }
     })
 }

@@ -1,5 +1,6 @@
 //! The link for people: one verb per request, and two that keep talking.
 
+mod adaptation;
 mod asking;
 mod bench;
 mod board_time;
@@ -68,6 +69,8 @@ enum Verb {
         #[command(flatten)]
         token: Token,
     },
+    /// Let the law follow a film that changes, or not, and show how far the film has moved from it.
+    Adaptation(adaptation::Adaptation),
     /// Send parameters and store them on the board.
     Upload(Upload),
     /// Write what the controller measures and predicts to a file, until Ctrl-C.
@@ -219,6 +222,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Verb::SelfTest(test) => test.check().map(|()| None)?,
         Verb::FaultInjection(faults) => faults.check().map(|()| None)?,
         Verb::FlightRecorder(recorder) => recorder.check().map(|()| None)?,
+        Verb::Adaptation(adaptation) => adaptation.check().map(|()| None)?,
         _ => None,
     };
     let (mut client, identity) = Client::new(Port::open(&arguments.port)?)?;
@@ -226,6 +230,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let done = match &arguments.verb {
         Verb::Identify => return identify(client, &identity, port, json),
         Verb::Status => return status::report(client, port, json),
+        Verb::Adaptation(adaptation) => return adaptation.run(client, port, json),
         Verb::Panic => return panicked(client, port, json),
         Verb::Stream(stream) => return stream.run(client, json),
         Verb::SelfTest(test) => return test.run(client, &identity, port, json),

@@ -1,0 +1,164 @@
+//! A law that follows its film in the tick: by order, with the sensor, until the film has moved too far.
+
+use std::f64::consts::TAU;
+
+use dea_driver::wire::{Answer, Command, Reject};
+use dea_driver::{
+    AdaptationOrder, Cause, Control, Controller, DriverState, LearningOrder, Mode, OnSensorFault, Parameters,
+};
+use springpot::Adapting;
+
+use crate::bench::{board_parameters, encoded};
+use crate::board::BOARD;
+use crate::film_bench::{FilmBench as Bench, adc_v};
+use crate::host::Host;
+
+const LEARN: AdaptationOrder = AdaptationOrder::Learn { trip_at: 3.0 };
+
+/// A film whose force is other than the model's, and whose sensor may be lost.
+fn bench(force_scale: f64) -> Bench {
+    let mut parameters = Parameters { control: Control { delay_s: 0.0, ..Control::BENCH }, ..board_parameters() };
+    parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
+    Bench { force_scale, ..Bench::with(parameters) }
+}
+
+/// Sines of 5 s from `from` to `to` (s): the largest error of the last 5 s, m. Without its sensor where `lost`.
+fn run(bench: &mut Bench, [from, to]: [u32; 2], lost: bool) -> f64 {
+    let mut largest_m = 0.0f64;
+    for k in 1000 * from..1000 * to {
+        let reference_m = 0.55e-3 * (f64::from(k) / 1000.0).min(1.0) - 0.15e-3 * (TAU * f64::from(k) / 5000.0).sin();
+        bench.set_reference(reference_m as f32);
+        bench.tick(|inputs| {
+            if lost {
+                inputs.sensor_adc_v = Some(adc_v(u16::MAX));
+            }
+        });
+        if bench.controller.supervisor().state() != DriverState::Running {
+            return f64::NAN;
+        }
+        if k + 5000 >= 1000 * to {
+            largest_m = largest_m.max((bench.displacement_m - reference_m).abs());
+        }
+    }
+    largest_m
+}
+
+fn state(bench: &Bench) -> DriverState {
+    bench.controller.supervisor().state()
+}
+
+/// A film with a tenth less force: by order the law follows it, and goes on so without the sensor, in the next feedforward as well. Without the
+/// order, feedforward is off by a tenth.
+#[test]
+fn what_was_learned_is_used_when_the_sensor_goes() {
+    let error_m = |order: Option<AdaptationOrder>| {
+        let mut bench = bench(0.9);
+        if let Some(order) = order {
+            bench.ask(|controller| controller.order_adaptation(order));
+        }
+        bench.start(Mode::Tracking);
+        run(&mut bench, [0, 60], false);
+        let lost_m = run(&mut bench, [60, 120], true);
+        bench.ask(Controller::stop).expect("it runs");
+        bench.run(30_000);
+        bench.ask(|controller| controller.start(Mode::Feedforward)).expect("armed");
+        let feedforward_m = run(&mut bench, [0, 20], true);
+        println!("{order:?}: {lost_m}, {feedforward_m}; {:?}", bench.controller.adaptation());
+        (lost_m, feedforward_m, bench)
+    };
+    let (_, plain_m, bench) = error_m(None);
+    assert_eq!(bench.controller.adaptation().adapting, Adapting::Off);
+    assert!(plain_m > 40e-6);
+    let (lost_m, feedforward_m, bench) = error_m(Some(LEARN));
+    assert!(lost_m < 4e-6 && feedforward_m < 5e-6, "{lost_m} m, {feedforward_m} m");
+    let adapted = bench.controller.adaptation().adapted;
+    assert!((adapted.force_scale - 0.9).abs() < 0.01 && (0.8..1.6).contains(&adapted.ageing), "{adapted:?}");
+}
+
+/// Hold keeps what was learned, off brings back the law as it was fitted, and so do an acknowledged trip and other parameters.
+#[test]
+fn it_is_held_forgotten_and_switched_off() {
+    let learned = || {
+        let mut bench = bench(0.9);
+        bench.ask(|controller| controller.order_adaptation(LEARN));
+        bench.start(Mode::Tracking);
+        run(&mut bench, [0, 30], false);
+        bench
+    };
+    let ageing = |bench: &Bench| bench.controller.adaptation().adapted.ageing;
+
+    let mut held = learned();
+    held.ask(|controller| controller.order_adaptation(AdaptationOrder::Hold));
+    let before = ageing(&held);
+    held.force_scale = 1.1;
+    run(&mut held, [30, 60], false);
+    assert!(before > 0.8 && (ageing(&held) - before).abs() < 0.02, "{before}: {:?}", held.controller.adaptation());
+    held.ask(|controller| controller.order_adaptation(AdaptationOrder::Off));
+    run(&mut held, [60, 90], false);
+    assert_eq!((ageing(&held), held.controller.adaptation().adapting), (0.0, Adapting::Off));
+
+    let mut forgotten = learned();
+    forgotten.force_scale = 1.0;
+    forgotten.ask(|controller| controller.order_adaptation(AdaptationOrder::Forget));
+    run(&mut forgotten, [30, 60], false);
+    assert!(ageing(&forgotten) < 0.1, "{:?}", forgotten.controller.adaptation());
+    assert_eq!(forgotten.controller.adaptation().adapting, Adapting::Learn);
+
+    let mut tripped = learned();
+    tripped.ask(|controller| controller.trip(Cause::Interlock));
+    tripped.run(1000);
+    tripped.ask(Controller::acknowledge).expect("at 0 V");
+    assert_eq!((ageing(&tripped), tripped.controller.adaptation().adapting), (0.0, Adapting::Learn));
+}
+
+/// A film, or a sensor, that has moved too far from its commissioning trips, in every mode that has a sensor.
+#[test]
+fn a_film_that_has_aged_too_far_trips() {
+    for (force_scale, trip_at, trips) in [(0.9, 0.8, true), (0.9, 1.5, false), (1.3, 2.0, true), (1.0, 0.8, false)] {
+        let mut bench = bench(force_scale);
+        bench.ask(|controller| controller.order_adaptation(AdaptationOrder::Learn { trip_at }));
+        bench.start(Mode::Tracking);
+        run(&mut bench, [0, 60], false);
+        let wanted = if trips { DriverState::Tripped(Cause::Ageing) } else { DriverState::Running };
+        let status = bench.controller.adaptation();
+        assert_eq!(state(&bench), wanted, "{force_scale}, {trip_at}: {status:?}");
+        if trips {
+            assert!(bench.high_voltage_v < 1.0);
+        }
+    }
+}
+
+/// Over the link: off at first, levels and parameters are checked, and other parameters switch it off.
+#[test]
+fn it_is_ordered_over_the_link() {
+    let mut host = Host::with_parameters();
+    let status = |host: &mut Host| match host.ask(Command::Adaptation) {
+        Answer::Adaptation(status) => status,
+        other => panic!("{other:?}"),
+    };
+    let first = status(&mut host);
+    assert_eq!((first.adapting, first.adapted.ageing, first.adapted.force_scale), (Adapting::Off, 0.0, 1.0));
+    for trip_at in [0.0, -1.0, f32::NAN] {
+        let answer = host.ask(Command::Adapt(AdaptationOrder::Learn { trip_at }));
+        assert_eq!(answer, Answer::Rejected(Reject::Value), "{trip_at}");
+    }
+    assert_eq!(host.ask(Command::Adapt(LEARN)), Answer::Done);
+    assert_eq!((status(&mut host).adapting, status(&mut host).trip_at), (Adapting::Learn, 3.0));
+    // Armed, only by the host that armed.
+    host.arm();
+    let token = std::mem::take(&mut host.token);
+    assert_eq!(host.ask(Command::Adapt(AdaptationOrder::Off)), Answer::Rejected(Reject::Token));
+    assert_eq!(status(&mut host).adapting, Adapting::Learn);
+    host.token = token;
+    assert_eq!(host.ask(Command::Adapt(AdaptationOrder::Hold)), Answer::Done);
+    assert_eq!(host.ask(Command::Disarm), Answer::Done);
+
+    let control = Control { adaptation_s: 0.0, ..Control::BENCH };
+    let blob = encoded(&Parameters { control, ..board_parameters() }, BOARD);
+    host.upload(&blob);
+    assert_eq!(host.ask(Command::Try { length: blob.len() as u16 }), Answer::Done);
+    assert_eq!(status(&mut host).adapting, Adapting::Off);
+    assert_eq!(host.ask(Command::Adapt(LEARN)), Answer::Rejected(Reject::Value));
+    // Cycles are another matter.
+    assert_eq!(host.ask(Command::Learning(LearningOrder::Forget)), Answer::Rejected(Reject::Value));
+}

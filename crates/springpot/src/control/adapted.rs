@@ -1,0 +1,107 @@
+//! A law that follows its film: how, and how far the film has moved.
+
+use crate::scalar::Real;
+
+/// How [`Tracking`](crate::Tracking) follows a film that is no longer the one its law was fitted to: warmer, older, under another weight.
+///
+/// With [`Learn`](Self::Learn), while a sensor shows the film, the law follows it, and without the sensor feedforward goes on with the law as it is then. In
+///
+/// ```text
+/// κ F + d = m ẍ + E(x) + σ T'(x) M[T(x)],      M: what relaxes of the memory, E: what does not
+/// ```
+///
+/// these are estimated, in terms of forces that the states of the law already have:
+///
+/// | parameter | meaning | bounds |
+/// | --- | --- | --- |
+/// | κ | [force scale](crate::ObserverState::force_scale): below 1 for a stiffer film | 0.25 to 4 |
+/// | σ | stiffness of what relaxes, where at least a tenth does not: a film under another weight, or of another stiffness, has another share | 0.5 to 2 |
+/// | φ | factor of all relaxation rates: temperature | 1/3 to 3 |
+/// | η | a rate r becomes r^(1 + η) (1/s): the orders of springpots become α / (1 + η) | ±0.25 |
+/// | d | a constant force, which is what stays of the disturbance without a sensor | |
+///
+/// # How
+///
+/// Modes of a [`Compressed`](crate::Compressed) memory are springs with dashpots. With changed rates the dashpots flow more, or less, in addition; the
+/// springs keep their stiffness, and every rate stays positive. Modes faster than 2/s stay as fitted. For each mode a derivative of its extension
+/// y by the logarithm of its rate r is carried along, dy'/dt = −r (y + y'). It is the regressor of φ and η, and when they change it moves the
+/// extensions to where they would be if the rates had always been so. Once in some thirty ticks recursive least squares, in Bierman's factors of the covariance,
+/// compare the regressors with the observer's disturbance. What is learned comes into use with a time constant of a second, without a step
+/// of the force.
+///
+/// Nothing is learned while the sensor is lost, while limits are met, and while the observer leaves the reference to learned cycles or to feedforward, because it is fast. A
+/// difference of many times what is expected counts little. What was learned counts less with time only while the load moves.
+///
+/// **A sensor that reads with another gain shows a film of another stiffness**: nothing distinguishes them, and the adapted law is as wrong as the
+/// sensor.
+///
+/// ```
+/// use springpot::{
+///     Actuator, Adapting, Applied, CommandLimits, Law, LawOptions, ObserverOptions, Preset, SensorSample, Tracking, VoltageDrive,
+/// };
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let law: Law<f32> = Law::compressed(&Preset::TABLE3_N2.model()?, LawOptions::at_step(1e-3))?;
+/// let (actuator, limits) = (Actuator::KARNER_2022, CommandLimits::BENCH);
+/// let tracking = Tracking::new(law.clone(), &actuator, limits, ObserverOptions::at_bandwidth(0.5))?;
+/// let drive = VoltageDrive::new(&actuator, limits.max_voltage_v, law.stiffness())?;
+///
+/// // A film that has become 10 % softer, with a sensor for the first 30 s.
+/// let (mut film, mut state, mut voltage_v) = (law.state(), tracking.state(law.state()), 0.0);
+/// state.set_adapting(Adapting::Learn);
+/// for tick in 0..60_000_u16 {
+///     let mut load = drive.load(voltage_v);
+///     load.force_n *= 1.1;
+///     let displacement_m = law.displacement_under(&mut film, load);
+///     let sample = (tick % 10 == 0 && tick < 30_000).then_some(SensorSample { displacement_m, age_ticks: 0 });
+///     tracking.observe(&mut state, Applied::as_commanded(voltage_v), sample);
+///     let reference_m = 1e-3 - 0.2e-3 * (core::f32::consts::TAU * f32::from(tick % 10_000) / 10_000.0).cos();
+///     voltage_v = tracking.command(&mut state, reference_m).voltage_v;
+///     assert!(tick < 30_000 || (displacement_m - reference_m).abs() < 2e-6);
+/// }
+/// assert!((state.adapted().force_scale / 1.1 - 1.0).abs() < 0.01);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Adapting {
+    /// The law is as it was fitted, but for the observer's [force scale](crate::ObserverState::force_scale). What was learned goes out of use within some seconds.
+    Off,
+    /// Nothing is learned, and what was learned stays in use.
+    Hold,
+    /// The law follows its film. What was learned counts less after two to four times
+    /// [`adaptation_s`](crate::ObserverOptions::adaptation_s); nothing is learned where that is 0.
+    Learn,
+}
+
+/// How a film differs from its law, as far as it is in use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Adapted<T> {
+    /// Effect of the electrostatic force over the model's, κ: below 1 for a film that has become stiffer.
+    pub force_scale: T,
+    /// Standard deviation of the force scale, over it, if nothing but what is estimated differs.
+    pub uncertainty: T,
+    /// Logarithm of what relaxes over what the law has, ln σ.
+    pub memory: T,
+    /// Logarithm of the factor of the relaxation rates, ln φ.
+    pub rate: T,
+    /// η: orders of springpots are those of the law over 1 + η.
+    pub stretch: T,
+    /// The constant force d that is kept without a sensor, N.
+    pub bias_n: T,
+    /// How far the film has moved from its law: 1 for a tenth of force scale, a quarter of memory, half of a rate, or a twentieth of an order,
+    /// whichever is largest in these units. Fit again from 1 on.
+    pub ageing: T,
+}
+
+impl<T: Real> Adapted<T> {
+    /// Whether the film has moved so far from its law that it should be fitted again: [`ageing`](Self::ageing) of 1 and more.
+    #[must_use]
+    pub fn needs_fit(&self) -> bool {
+        self.ageing >= T::from_f64(1.0)
+    }
+}

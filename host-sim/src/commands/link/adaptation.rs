@@ -1,0 +1,119 @@
+//! `link adaptation`: whether the law follows a film that changes, and how far it has moved.
+
+use clap::{Args, ValueEnum};
+use dea_driver::wire::{AdaptationOrder, AdaptationStatus, Answer, Command};
+use serde::Serialize;
+use springpot::Adapting;
+
+use super::Token;
+use crate::error::Result;
+use crate::link::Client;
+use crate::quantity;
+use crate::terminal;
+
+#[derive(Debug, Args)]
+pub(super) struct Adaptation {
+    /// How the law follows its film from now on; without it, the state is shown alone.
+    #[arg(value_enum)]
+    order: Option<Order>,
+    /// Ageing from which a run trips while the law follows its film: 1 for a tenth in stiffness.
+    #[arg(long, value_name = "AGEING", value_parser = quantity::number, default_value_t = 3.0)]
+    trip_at: f64,
+    #[command(flatten)]
+    token: Token,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Order {
+    /// The law follows its film while the sensor shows it, and feedforward goes on with what was learned.
+    Learn,
+    /// Nothing is learned, and what was learned stays in use.
+    Hold,
+    /// The law as it was fitted comes back.
+    Off,
+    /// Forget what was learned, and learn anew.
+    Forget,
+}
+
+#[derive(Serialize)]
+struct Report {
+    port: String,
+    adapting: &'static str,
+    force_scale: f32,
+    uncertainty: f32,
+    memory_factor: f32,
+    rate_factor: f32,
+    order_factor: f32,
+    constant_force_n: f32,
+    ageing: f32,
+    /// None before it was first ordered to learn.
+    trip_at: Option<f32>,
+    needs_fit: bool,
+}
+
+impl Adaptation {
+    pub(super) fn check(&self) -> Result<()> {
+        quantity::positive("trip-at", self.trip_at)
+    }
+
+    pub(super) fn run(&self, mut client: Client, port: String, json: bool) -> Result<()> {
+        if let Some(order) = self.order {
+            client.go_on(self.token.token);
+            client.order(Command::Adapt(match order {
+                Order::Learn => AdaptationOrder::Learn { trip_at: self.trip_at as f32 },
+                Order::Hold => AdaptationOrder::Hold,
+                Order::Off => AdaptationOrder::Off,
+                Order::Forget => AdaptationOrder::Forget,
+            }))?;
+        }
+        let status = match client.ask(Command::Adaptation)? {
+            Answer::Adaptation(status) => status,
+            other => return Err(client.unexpected(&other)),
+        };
+        let report = Report::new(port, status);
+        terminal::report(json, &report, || report.text())
+    }
+}
+
+impl Report {
+    fn new(port: String, AdaptationStatus { adapting, adapted, trip_at }: AdaptationStatus) -> Self {
+        Self {
+            port,
+            adapting: match adapting {
+                Adapting::Off => "off",
+                Adapting::Hold => "hold",
+                Adapting::Learn => "learn",
+            },
+            force_scale: adapted.force_scale,
+            uncertainty: adapted.uncertainty,
+            memory_factor: adapted.memory.exp(),
+            rate_factor: adapted.rate.exp(),
+            order_factor: 1.0 / (1.0 + adapted.stretch),
+            constant_force_n: adapted.bias_n,
+            ageing: adapted.ageing,
+            trip_at: Some(trip_at).filter(|level| level.is_finite()),
+            needs_fit: adapted.needs_fit(),
+        }
+    }
+
+    fn text(&self) -> String {
+        if self.adapting == "off" && self.ageing == 0.0 {
+            return format!("{}: off, the law is as it was fitted; `adaptation learn` follows the film", self.port);
+        }
+        let trip = self.trip_at.map_or(String::new(), |level| format!(", a run trips at {level}"));
+        let fit = if self.needs_fit { "; the film is no longer the one that was fitted: fit it again" } else { "" };
+        format!(
+            "{}: {}; force scale {:.3} ± {:.3}, what relaxes × {:.2}, its rates × {:.2}, orders × {:.3}, {:.3} N\n\
+             ageing {:.2}{trip}{fit}",
+            self.port,
+            self.adapting,
+            self.force_scale,
+            self.force_scale * self.uncertainty,
+            self.memory_factor,
+            self.rate_factor,
+            self.order_factor,
+            self.constant_force_n,
+            self.ageing
+        )
+    }
+}
