@@ -19,12 +19,12 @@ use crate::recorded::{controller, risen_sine_m};
 use crate::sweep::full_sweep;
 use crate::{measured_curve, two_curves};
 
-const RATE_HZ: f64 = 1000.0;
+pub(crate) const RATE_HZ: f64 = 1000.0;
 const LOST_S: (f64, f64) = (60.0, 660.0);
 
 /// A film, and the law that was fitted to it: of hossain with two curves to half an hour and twice 155 s, of the others as for hours and hertz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Changing {
+pub(crate) enum Changing {
     Hossain,
     Wang,
     LittleCreep,
@@ -34,7 +34,7 @@ enum Changing {
     TwoCurves,
 }
 
-const ALL: [Changing; 6] = [
+pub(crate) const ALL: [Changing; 6] = [
     Changing::Hossain,
     Changing::Wang,
     Changing::LittleCreep,
@@ -44,11 +44,11 @@ const ALL: [Changing; 6] = [
 ];
 
 impl Changing {
-    fn is_described(self) -> bool {
+    pub(crate) fn is_described(self) -> bool {
         matches!(self, Self::Springpot | Self::TwoCurves)
     }
 
-    fn parameters(self) -> Parameters {
+    pub(crate) fn parameters(self) -> Parameters {
         match self {
             Self::Hossain => {
                 let mut observations = vec![two_curves::of_finite_strain(6e3, 0.1, 1800.0, 100)];
@@ -64,7 +64,7 @@ impl Changing {
     }
 
     /// Lowest and highest displacement of the reference, m.
-    fn stroke_m(self) -> [f64; 2] {
+    pub(crate) fn stroke_m(self) -> [f64; 2] {
         match self {
             Self::Hossain => [2e-3, 4e-3],
             Self::Wang => [0.6e-3, 1.4e-3],
@@ -75,7 +75,7 @@ impl Changing {
     }
 
     /// Limits that leave room for a stiffer film.
-    fn limits(self) -> CommandLimits {
+    pub(crate) fn limits(self) -> CommandLimits {
         let max_voltage_v = match self {
             Self::Hossain | Self::Wang => 8000.0,
             Self::TwoCurves => 6500.0,
@@ -85,7 +85,7 @@ impl Changing {
     }
 
     /// The film with `change` under a weight that is `load` times as heavy. Where the film does not hang on it, a constant force.
-    fn plant(self, parameters: &Parameters, change: Change, load: f64, substep_s: f64) -> Box<dyn Plant> {
+    pub(crate) fn plant(self, parameters: &Parameters, change: Change, load: f64, substep_s: f64) -> Box<dyn Plant> {
         let stiffening = |elements| {
             let film = Stiffening::with(elements);
             let weight_n = (load - 1.0) * film.inertia.0 * GRAVITY;

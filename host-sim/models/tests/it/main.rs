@@ -13,6 +13,7 @@ mod defining_sum;
 mod film;
 mod fitting;
 mod full_memory;
+mod hostile_sensors;
 mod hours;
 mod intervals;
 mod measured_curve;
