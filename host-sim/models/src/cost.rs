@@ -27,9 +27,9 @@ const TICKS_PER_S: f64 = 1000.0;
 
 impl Cost {
     /// A linear film.
-    pub const LINEAR: Self = Self::stated(527, 1814, 2960);
+    pub const LINEAR: Self = Self::stated(527, 1827, 2960);
     /// A film behind an elastic curve.
-    pub const CURVED: Self = Self::stated(615, 1996, 3200);
+    pub const CURVED: Self = Self::stated(615, 1997, 3200);
 
     /// A film with two curves.
     pub const TWO_CURVES: Self = Self::stated(691, 2162, 3569);
