@@ -13,9 +13,10 @@ use crate::process::{Result, at, cargo, make, output, read, root, write};
 const LIST: &str = ".cargo/mutants.txt";
 
 /// Sources that are mutated by rule: files, or folders with all of their files.
-const SOURCES: [&str; 8] = [
+const SOURCES: [&str; 9] = [
     "crates/dea-driver/src/safety",
     "crates/dea-driver/src/control/controller.rs",
+    "crates/dea-driver/src/control/controller/orders.rs",
     "crates/dea-driver/src/control/setpoint.rs",
     "crates/dea-driver/src/chips/ad5754.rs",
     "crates/dea-driver/src/parameters/store.rs",

@@ -2,27 +2,23 @@
 
 #[cfg(feature = "link")]
 mod intact;
+mod orders;
 
-use springpot::{
-    Adapting, AmplifierLag, Applied, Compressed, Follower, FollowerState, Law, LawState, Limited, Load, Tracking,
-};
+use springpot::{AmplifierLag, Applied, Compressed, Follower, FollowerState, Law, LawState, Limited, Load, Tracking};
 
 #[cfg(feature = "loop-test")]
 use crate::control::loop_test::{Followed, LoopTest, Step, Target};
 use crate::control::sampler::Sampler;
-use crate::control::setpoint::{Ramp, SetpointError};
-use crate::control::{AdaptationOrder, AdaptationStatus, LearningOrder, Mode, Telemetry};
+use crate::control::setpoint::Ramp;
+use crate::control::{Mode, Telemetry};
 use crate::parameters::{Blob, ControllerMemory, Parameters, Watched};
-use crate::safety::{Cause, Motion, Readings, Refusal, Supervisor};
+use crate::safety::{Cause, Motion, Readings, Supervisor};
 
 /// Largest correction that may be learned of a periodic reference, as a share of the largest displacement: more trips as a disturbance.
 const MAX_LEARNED: f32 = 0.25;
 
 /// Time for which a film has been held at the end of its stroke before a controller of which nothing else is known, s.
 const ASSUMED_HELD_S: f64 = 3600.0;
-
-/// Longest time in which a new target is approached, s.
-const RAMP_S: f32 = 0.05;
 
 /// Samples of the beginning of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,7 +48,7 @@ pub struct Outputs {
 /// `M` is the memory of its law, as of the [`Blob`].
 ///
 /// A tick cannot fail, and takes the same number of operations every time, apart from samples of the sensor, which may arrive
-/// more slowly. It converts between volts at the converters and quantities; converters and their codes are the caller's.
+/// more slowly, and from a law that [adapts](Self::order_adaptation), which spreads its work over some thirty ticks. It converts between volts at the converters and quantities; converters and their codes are the caller's.
 ///
 /// Requests between two ticks go through the methods here, and are refused as the [`Supervisor`] refuses them. There is no access to the [`Supervisor`] but to read it:
 /// [`start`](Self::start) always takes a mode, every run begins at 0 V, and targets end with the state that they were set in.
@@ -148,7 +144,6 @@ impl<M: ControllerMemory> From<&Blob<M>> for Controller<M> {
     }
 }
 
-#[allow(clippy::missing_errors_doc)] // of requests: as the supervisor's
 impl<M: ControllerMemory> Controller<M> {
     /// The controller of `blob`, disarmed. For the stroke its film has been at the end of it for an hour, until a plausible sensor shows
     /// where it is when a run begins: what is left of earlier creep fades as the law has it.
@@ -349,172 +344,6 @@ impl<M: ControllerMemory> Controller<M> {
         let drive = self.follower.compensator().observer().drive();
         let commanded = drive.load(self.course.compensator().followed_voltage());
         if commanded.force_n > load.force_n { commanded } else { load }
-    }
-
-    /// The host that armed is alive: its timeout starts again.
-    pub fn heartbeat(&mut self) {
-        self.supervisor.heartbeat();
-    }
-
-    /// Trips, whatever the state: 0 V, amplifier disabled from the next tick on, targets cleared. The first cause stays.
-    pub fn trip(&mut self, cause: Cause) {
-        self.supervisor.trip(cause);
-        self.clear_target();
-    }
-
-    /// Enables the amplifier at 0 V.
-    pub fn arm(&mut self) -> Result<(), Refusal> {
-        self.supervisor.arm()?;
-        self.clear_target();
-        Ok(())
-    }
-
-    /// Enables the amplifier at 0 V for a self-test, with a voltage of [`Supervisor::SELF_TEST_V`] at the most.
-    pub fn arm_for_self_test(&mut self) -> Result<(), Refusal> {
-        self.supervisor.arm_for_self_test()?;
-        self.clear_target();
-        Ok(())
-    }
-
-    /// Notes that a self-test of the bench has passed since the start.
-    pub fn note_self_test(&mut self) {
-        self.supervisor.note_self_test();
-    }
-
-    /// Begins a run in `mode` at 0 V, where it stays until a target is set. Feedforward uses the model as it was fitted, without
-    /// what was learned in other runs, unless the law [adapts](Self::order_adaptation); what was learned of cycles begins anew, unless it is ordered to be
-    /// [carried over](Self::order_learning).
-    pub fn start(&mut self, mode: Mode) -> Result<(), Refusal> {
-        self.supervisor.start()?;
-        self.clear_target();
-        self.mode = mode;
-        self.motion.begin_run();
-        if self.is_history_assumed && self.motion.is_shown() {
-            (self.open_loop, self.is_history_assumed) = (self.watched.state(), false);
-        }
-        self.ran = true;
-        self.course.set_feedback(mode != Mode::Feedforward);
-        if mode == Mode::Feedforward && self.course.compensator().adapting() == Adapting::Off {
-            self.course.forget_correction();
-        }
-        Ok(())
-    }
-
-    /// Ends the run: 0 V, amplifier enabled, targets cleared.
-    pub fn stop(&mut self) -> Result<(), Refusal> {
-        self.supervisor.stop()?;
-        self.clear_target();
-        Ok(())
-    }
-
-    /// 0 V, amplifier disabled, targets cleared.
-    pub fn disarm(&mut self) -> Result<(), Refusal> {
-        self.supervisor.disarm()?;
-        self.clear_target();
-        Ok(())
-    }
-
-    /// Acknowledges a trip: disarmed from now on. What was learned from the sensor is forgotten, since the fault may have taught
-    /// it; a film whose state is not finite starts again at rest.
-    pub fn acknowledge(&mut self) -> Result<(), Refusal> {
-        self.supervisor.acknowledge()?;
-        self.clear_target();
-        self.motion.reset();
-        self.course.forget_correction();
-        self.course.forget_cycles();
-        if !self.course.displacement().is_finite() {
-            self.course = self.follower.state(M::at_rest(self.follower.compensator().observer().law()));
-        }
-        if !self.open_loop.position().is_finite() {
-            self.open_loop = self.watched.state();
-        }
-        Ok(())
-    }
-
-    /// Sets the voltage of [`Mode::Voltage`] (V at the film): approached in a straight line in the time since the value
-    /// before, 50 ms at most. One that is set while armed is only checked against the limits; [`start`](Self::start) clears it.
-    ///
-    /// # Errors
-    ///
-    /// [`SetpointError`] for NaN and beyond what the monitor may show, and unless the amplifier is enabled. Between the largest
-    /// voltage and what the monitor may show, as recordings have it with their monitor's noise, the largest voltage is commanded.
-    pub fn set_voltage(&mut self, volts: f32) -> Result<(), SetpointError> {
-        if !(0.0..=self.parameters.limits.monitored_v()).contains(&volts) {
-            return Err(SetpointError::OutOfRange);
-        }
-        self.is_live()?;
-        self.aim_at(volts, self.mode == Mode::Voltage);
-        Ok(())
-    }
-
-    /// Sets the reference of [`Mode::Feedforward`] and [`Mode::Tracking`] (m), approached as a
-    /// [voltage](Self::set_voltage) is.
-    ///
-    /// # Errors
-    ///
-    /// [`SetpointError`] for NaN and beyond the largest displacement, and unless the amplifier is enabled.
-    pub fn set_reference(&mut self, metres: f32) -> Result<(), SetpointError> {
-        if metres.is_nan() || metres.abs() > self.parameters.limits.max_displacement_m {
-            return Err(SetpointError::OutOfRange);
-        }
-        self.is_live()?;
-        self.aim_at(metres, self.mode != Mode::Voltage);
-        Ok(())
-    }
-
-    /// A set-point that is taken while nothing can follow it would act in a later run.
-    fn is_live(&self) -> Result<(), SetpointError> {
-        match self.supervisor.state() {
-            state if state.is_live() => Ok(()),
-            state => Err(SetpointError::NotLive(state)),
-        }
-    }
-
-    /// Takes a target over if a run follows it: any other would be forgotten before it could act.
-    fn aim_at(&mut self, target: f32, is_followed: bool) {
-        if is_followed && self.supervisor.runs() {
-            self.target.set(target, self.ramp_ticks());
-        }
-    }
-
-    fn clear_target(&mut self) {
-        self.target = Ramp::NONE;
-        self.course.end_run();
-    }
-
-    /// Forgets or carries over what was learned of a periodic reference, if anything was. In any state.
-    pub fn order_learning(&mut self, order: LearningOrder) {
-        match order {
-            LearningOrder::Forget => self.course.forget_cycles(),
-            LearningOrder::CarryOver => self.course.carry_over(),
-        }
-    }
-
-    /// Lets the law follow a film that changes, or not. In any state; it is off in a new controller. Whatever it learns, the model that watches the
-    /// stroke is the one that was fitted.
-    pub fn order_adaptation(&mut self, order: AdaptationOrder) {
-        match order {
-            AdaptationOrder::Learn { trip_at } => {
-                self.max_ageing = trip_at;
-                self.course.set_adapting(Adapting::Learn);
-            }
-            AdaptationOrder::Hold => self.course.set_adapting(Adapting::Hold),
-            AdaptationOrder::Off => self.course.set_adapting(Adapting::Off),
-            AdaptationOrder::Forget => self.course.forget_changes(),
-        }
-    }
-
-    /// How far the film has moved from its law, as far as that was learned.
-    #[must_use]
-    pub fn adaptation(&self) -> AdaptationStatus {
-        let course = self.course.compensator();
-        AdaptationStatus { adapting: course.adapting(), adapted: course.adapted(), trip_at: self.max_ageing }
-    }
-
-    /// Most ticks over which a new target is approached.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
-    fn ramp_ticks(&self) -> u16 {
-        (RAMP_S * self.parameters.rate_hz) as u16
     }
 }
 
