@@ -6,19 +6,22 @@ use serde::Serialize;
 use springpot::Adapting;
 
 use super::Token;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::link::Client;
 use crate::quantity;
 use crate::terminal;
+
+/// Ageing from which a run trips, where none is given.
+const TRIP_AT: f64 = 3.0;
 
 #[derive(Debug, Args)]
 pub(super) struct Adaptation {
     /// How the law follows its film from now on; without it, the state is shown alone.
     #[arg(value_enum)]
     order: Option<Order>,
-    /// Ageing from which a run trips while the law follows its film: 1 for a tenth in stiffness.
-    #[arg(long, value_name = "AGEING", value_parser = quantity::number, default_value_t = 3.0)]
-    trip_at: f64,
+    /// With learn: ageing from which a run trips, 1 for a tenth in stiffness. The default is 3.
+    #[arg(long, value_name = "AGEING", value_parser = quantity::number)]
+    trip_at: Option<f64>,
     #[command(flatten)]
     token: Token,
 }
@@ -53,14 +56,18 @@ struct Report {
 
 impl Adaptation {
     pub(super) fn check(&self) -> Result<()> {
-        quantity::positive("trip-at", self.trip_at)
+        match (self.trip_at, self.order) {
+            (None, _) => Ok(()),
+            (Some(level), Some(Order::Learn)) => quantity::positive("trip-at", level),
+            (Some(_), _) => Err(Error::field("trip-at", "is a level of learning: `adaptation learn --trip-at AGEING`")),
+        }
     }
 
     pub(super) fn run(&self, mut client: Client, port: String, json: bool) -> Result<()> {
         if let Some(order) = self.order {
             client.go_on(self.token.token);
             client.order(Command::Adapt(match order {
-                Order::Learn => AdaptationOrder::Learn { trip_at: self.trip_at as f32 },
+                Order::Learn => AdaptationOrder::Learn { trip_at: self.trip_at.unwrap_or(TRIP_AT) as f32 },
                 Order::Hold => AdaptationOrder::Hold,
                 Order::Off => AdaptationOrder::Off,
                 Order::Forget => AdaptationOrder::Forget,
