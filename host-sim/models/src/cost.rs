@@ -27,12 +27,12 @@ const TICKS_PER_S: f64 = 1000.0;
 
 impl Cost {
     /// A linear film.
-    pub const LINEAR: Self = Self::stated(527, 1827, 2960);
+    pub const LINEAR: Self = Self::stated(527, 1825, 2960);
     /// A film behind an elastic curve.
-    pub const CURVED: Self = Self::stated(615, 1997, 3200);
+    pub const CURVED: Self = Self::stated(615, 1995, 3200);
 
     /// A film with two curves.
-    pub const TWO_CURVES: Self = Self::stated(691, 2162, 3569);
+    pub const TWO_CURVES: Self = Self::stated(691, 2164, 3569);
 
     /// The cost of `film`.
     pub fn new(film: Film<'_>) -> Self {
