@@ -259,8 +259,8 @@ fn adaptation_is_ordered_and_shown() {
     let board = Linked::ready(Scene::CALM);
     let off = board.json("adaptation");
     assert_eq!((&off["adapting"], &off["ageing"], &off["trip_at"]), (&"off".into(), &0.0.into(), &Value::Null));
-    names(&board.fails("adaptation learn --trip-at 0"), &["trip-at"]);
-    names(&board.fails("adaptation hold --trip-at 2"), &["trip-at", "adaptation learn"]);
+    names(&board.fails("adaptation learn --trip-at 0"), &["--trip-at"]);
+    names(&board.fails("adaptation hold --trip-at 2"), &["--trip-at", "adaptation learn"]);
     let learns = board.json("adaptation learn --trip-at 2.5");
     assert_eq!((&learns["adapting"], &learns["trip_at"]), (&"learn".into(), &2.5.into()));
     assert_eq!(number(&learns["order_factor"]), 1.0);

@@ -58,8 +58,8 @@ impl Adaptation {
     pub(super) fn check(&self) -> Result<()> {
         match (self.trip_at, self.order) {
             (None, _) => Ok(()),
-            (Some(level), Some(Order::Learn)) => quantity::positive("trip-at", level),
-            (Some(_), _) => Err(Error::field("trip-at", "is a level of learning: `adaptation learn --trip-at AGEING`")),
+            (Some(level), Some(Order::Learn)) => quantity::positive("trip_at", level),
+            (Some(_), _) => Err(Error::field("trip_at", "is a level of learning: `adaptation learn --trip-at AGEING`")),
         }
     }
 
