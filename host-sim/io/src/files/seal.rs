@@ -99,6 +99,9 @@ pub fn signed(path: &Path, key: &Path) -> Result<String> {
     let public = PublicKey::decode(&text(key)?).map_err(|_| {
         Error::file(key, "is no public key of minisign; give the file that `minisign -G` wrote as .pub")
     })?;
+    if !beside.exists() {
+        return Err(Error::file(beside, "there is no signature beside the record; `minisign -S` writes one"));
+    }
     let signature = Signature::decode(&text(beside)?)
         .map_err(|_| Error::file(beside, "is no signature of minisign; sign the record again with `minisign -S`"))?;
     public.verify(&read(path)?, &signature, false).map_err(|_| {
