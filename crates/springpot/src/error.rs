@@ -309,6 +309,57 @@ pub enum ControlError {
     },
 }
 
+/// Reasons to refuse [`SelfSensing`](crate::SelfSensing).
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum SelfSensingError {
+    /// A quantity that is not finite or not greater than 0; the name carries its unit.
+    #[error("{quantity} = {value} must be finite and greater than 0")]
+    NotPositive {
+        /// Name of the quantity.
+        quantity: &'static str,
+        /// The value.
+        value: f64,
+    },
+    /// Periods of the tone in a block that are not 2 to 64.
+    #[error("{0} periods of the tone in a block; from 2 to 64 are possible")]
+    Periods(u16),
+    /// A largest capacitance that is not above that at rest.
+    #[error("max_f = {max_f:e} F must be larger than rest_f = {rest_f:e} F")]
+    Range {
+        /// Capacitance at rest, F.
+        rest_f: f64,
+        /// The largest one, F.
+        max_f: f64,
+    },
+    /// A cable whose capacitance is negative, or not less than that of cable and film.
+    #[error("cable_f = {cable_f:e} F must not be negative, and less than the {rest_f:e} F of cable and film at rest")]
+    Cable {
+        /// Capacitance of the cable, F.
+        cable_f: f64,
+        /// Capacitance at rest, F.
+        rest_f: f64,
+    },
+    /// A springpot whose order is not between 0 and 1, or whose share is not finite.
+    #[error("creep = {creep} must be finite, and alpha = {alpha} between 0 and 1")]
+    Creep {
+        /// The share, s^α.
+        creep: f64,
+        /// The order.
+        alpha: f64,
+    },
+    /// A displacement that does not rise with the capacitance.
+    #[error("stroke_m: the displacement must rise with the capacitance, which it does not at {capacitance_f:e} F")]
+    NotMonotone {
+        /// Where, F.
+        capacitance_f: f64,
+    },
+    /// The memory of the springpot was refused.
+    #[error(transparent)]
+    Law(#[from] LawError),
+}
+
 /// The first of `values` that is not finite and greater than 0. Not inlined: unrolled, the checks of a table take twice its space in
 /// flash.
 #[inline(never)]

@@ -19,12 +19,15 @@ mod scalar;
 
 pub use actuator::{Actuator, EPSILON_0, GRAVITY, Load, Preload, VoltageDrive};
 pub use control::{
-    Adapted, Adapting, AmplifierLag, AmplifierModel, Applied, CommandLimits, Compensator, Feedforward,
-    FeedforwardState, Follower, FollowerState, HARMONICS, Learning, LearningOptions, LearningState, Limited, Observer,
-    ObserverOptions, ObserverState, SensorSample, Statistics, Tracking, TrackingState, VoltageCommand,
+    Adapted, Adapting, AmplifierLag, AmplifierModel, Applied, CapacitanceRelation, CommandLimits, Compensator,
+    Feedforward, FeedforwardState, FilmReading, Follower, FollowerState, HARMONICS, Learning, LearningOptions,
+    LearningState, Limited, Observer, ObserverOptions, ObserverState, SelfSensed, SelfSensing, SelfSensingFault,
+    SelfSensingOptions, SelfSensingState, SensorSample, Statistics, Tracking, TrackingState, VoltageCommand,
 };
 pub use curve::{Curve, Knot, MAX_KNOTS, MAX_SPRING_KNOTS, Measure, Rubber, Spring};
-pub use error::{ActuatorError, ControlError, CurveError, LawError, MAX_BRANCHES, ModelElement, ModelError};
+pub use error::{
+    ActuatorError, ControlError, CurveError, LawError, MAX_BRANCHES, ModelElement, ModelError, SelfSensingError,
+};
 pub use kernel::Discretisation;
 pub use law::{Coefficients, Compressed, CompressionBound, Law, LawOptions, LawState, Memory, Window};
 pub use model::{Chain, Maxwell, Preset, Springpot, Topology};

@@ -3,11 +3,12 @@
 use core::hint::black_box;
 
 use springpot::{
-    Adapting, Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, LearningState, Limited, Maxwell,
-    Observer, ObserverOptions, SensorSample, Tracking,
+    Adapting, Applied, CapacitanceRelation, CommandLimits, Feedforward, FilmReading, Law, Learning, LearningOptions,
+    LearningState, Limited, Maxwell, Observer, ObserverOptions, SelfSensing, SelfSensingOptions, SensorSample,
+    Tracking,
 };
 
-use crate::{Checksum, Name, Report, STEPS, repeat};
+use crate::{Checksum, FILMS, Name, Report, STEPS, repeat};
 
 /// Reports bits and cost of a tick of each law of control along `model`. Each has a stack of its own.
 #[inline(never)]
@@ -20,6 +21,10 @@ pub fn run(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model:
     // What it learns does not depend on the curve.
     if !name("learning").film.curved {
         learning(report, name("learning"), &law(model));
+    }
+    // Nor does self-sensing depend on the model.
+    if name("law").film == FILMS[1] {
+        self_sensing(report, &name);
     }
 }
 
@@ -122,4 +127,23 @@ fn learning(report: &mut impl Report, name: Name, law: &Law<f32>) {
         since = if since == 9 { 0 } else { since + 1 };
         tick(&config, &mut state, k, black_box(sample(k).filter(|_| since == 0)))
     });
+}
+
+/// A tone of 50 V at a film that moves, whose relation creeps: in the mean of the ticks of its blocks, and in the longest of them.
+#[inline(never)]
+fn self_sensing(report: &mut impl Report, name: impl Fn(&'static str) -> Name) {
+    let relation = CapacitanceRelation { creep: 0.05, ..CapacitanceRelation::of_geometry(700e-12, 0.06, 2.0, 900e-12) };
+    let Ok(config) = SelfSensing::<f32>::new(&relation, SelfSensingOptions::BENCH) else { panic!("refused") };
+    let mut state = config.state();
+    let mut before = 0.0;
+    let mut tick = |k: f32| {
+        let voltage_v = config.drive(&state, 5.0 * k);
+        let current_a = (700e-9 + 1e-10 * k) * (voltage_v - before);
+        before = voltage_v;
+        let sensed = config.sense(&mut state, black_box(FilmReading { voltage_v, current_a }));
+        sensed.map_or(state.drive_v(), |sensed| sensed.sample.displacement_m + sensed.variance_m2)
+    };
+    ticks(report, name("self-sensing"), &mut tick);
+    // Whole blocks have ended: the next tick has a displacement.
+    report.cost(name("self-sensing-longest"), || tick(black_box(3.0)));
 }

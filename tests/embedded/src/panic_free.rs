@@ -11,8 +11,8 @@ use core::panic::PanicInfo;
 use dea_driver::chips::{AdcCode, AdcRange};
 use dea_driver::{Device, Inputs};
 use springpot::{
-    Adapting, Applied, Compressed, Law, LawState, Learning, LearningState, Limited, Memory, SensorSample, Tracking,
-    TrackingState, VoltageDrive,
+    Adapting, Applied, Compressed, FilmReading, Law, LawState, Learning, LearningState, Limited, Memory, SelfSensing,
+    SelfSensingState, SensorSample, Tracking, TrackingState, VoltageDrive,
 };
 
 unsafe extern "C" {
@@ -62,6 +62,12 @@ fn main() -> ! {
         black_box(tracking.observe(tracked, Applied::as_commanded(black_box(1.0)), black_box(Some(sample))));
         black_box(tracking.command(tracked, black_box(1e-3)));
         black_box(tracked.adapted());
+        let (sensing, sensed) = (built::<SelfSensing<f32>>(), built::<SelfSensingState<f32>>());
+        sensing.correct(sensed, black_box(sample), black_box(1e-12));
+        let reading =
+            FilmReading { voltage_v: black_box(sensing.drive(sensed, black_box(1.0))), current_a: black_box(1e-6) };
+        black_box(sensing.sense(sensed, reading).map(|sensed| sensed.uncertainty_m()));
+        black_box((sensed.fault(), sensed.drive_v(), sensed.offset_m()));
         let adc_v = |code: u16| black_box(Some(AdcCode(code).volts(AdcRange::UpTo10V24)));
         let inputs = Inputs { interlock_closed: black_box(true), monitor_adc_v: adc_v(1), sensor_adc_v: adc_v(2) };
         black_box(built::<Device>().tick(inputs));

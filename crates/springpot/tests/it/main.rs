@@ -21,6 +21,7 @@ mod observer;
 mod passivity;
 mod responses;
 mod second_order;
+mod self_sensing;
 #[cfg(feature = "serde")]
 mod serde_formats;
 mod single_precision;

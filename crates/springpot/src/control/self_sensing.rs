@@ -1,0 +1,488 @@
+//! Self-sensing: the film's displacement from its capacitance.
+
+use crate::control::capacitance::{CapacitanceRelation, Relation, RelationState};
+use crate::control::demodulation::{Demodulator, GAIN};
+use crate::control::observer::SensorSample;
+use crate::control::path::is_finite;
+use crate::error::{SelfSensingError, first_not_positive};
+use crate::scalar::Real;
+
+/// Tone, monitors and wiring of [`SelfSensing`]. SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct SelfSensingOptions {
+    /// Time between two ticks, s; the tone's period is four of them.
+    pub step_s: f64,
+    /// Amplitude of the tone, V.
+    pub tone_v: f64,
+    /// Periods of the tone in a block, 2 to 64: each gives one sample.
+    pub periods: u16,
+    /// Standard deviation of a reading of the voltage monitor, V, its resolution included.
+    pub voltage_noise_v: f64,
+    /// Standard deviation of a reading of the current, A, its resolution included.
+    pub current_noise_a: f64,
+    /// Mean current above which the film counts as shorted, A: above what it leaks and what charges it.
+    pub max_current_a: f64,
+    /// Capacitance that is left without the film, of the cable, F. 0: not known; then a film that is off looks like a current monitor without
+    /// a signal.
+    pub cable_f: f64,
+    /// Time over which the difference from a second sensor is forgotten, s.
+    pub drift_s: f64,
+}
+
+impl SelfSensingOptions {
+    /// A tone of 50 V at 1 kHz in blocks of 20 ms. Monitors of 16 bits over 6 kV and 0.5 mA with noise of 2 bits, a short above 0.2 mA, 100 pF of cable.
+    pub const BENCH: Self = Self {
+        step_s: 1e-3,
+        tone_v: 50.0,
+        periods: 5,
+        voltage_noise_v: 2.0 * 6000.0 / 65536.0,
+        current_noise_a: 2.0 * 0.5e-3 / 65536.0,
+        max_current_a: 0.2e-3,
+        cable_f: 100e-12,
+        drift_s: 600.0,
+    };
+
+    /// Largest slope of the tone as a sine, V/s, of an amplifier that rounds its steps; the command changes by `tone_v` a tick.
+    #[must_use]
+    pub fn tone_slew_v_per_s(&self) -> f64 {
+        core::f64::consts::FRAC_PI_2 * self.tone_v / self.step_s
+    }
+
+    /// Time between two samples, s.
+    #[must_use]
+    pub fn sample_interval_s(&self) -> f64 {
+        f64::from(4 * self.periods) * self.step_s
+    }
+
+    /// Age of a sample when it is returned, ticks: half of a block, three ticks of its filter, and one in which it is computed.
+    #[must_use]
+    pub fn age_ticks(&self) -> usize {
+        2 * usize::from(self.periods) + 4
+    }
+
+    fn check(&self) -> Result<(), SelfSensingError> {
+        let values = [
+            ("step_s", self.step_s),
+            ("tone_v", self.tone_v),
+            ("voltage_noise_v", self.voltage_noise_v),
+            ("current_noise_a", self.current_noise_a),
+            ("max_current_a", self.max_current_a),
+            ("drift_s", self.drift_s),
+        ];
+        if let Some((quantity, value)) = first_not_positive(&values) {
+            return Err(SelfSensingError::NotPositive { quantity, value });
+        }
+        if !(2..=64).contains(&self.periods) {
+            return Err(SelfSensingError::Periods(self.periods));
+        }
+        Ok(())
+    }
+}
+
+/// Readings of the amplifier's monitors in a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FilmReading<T> {
+    /// Voltage at the end of the tick, V.
+    pub voltage_v: T,
+    /// Mean current into cable and film from the end of the last tick to that of this one, A: what has flowed over the time of a tick.
+    pub current_a: T,
+}
+
+/// A result of [`SelfSensing`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SelfSensed<T> {
+    /// The displacement, as a sensor's.
+    pub sample: SensorSample<T>,
+    /// Its variance, m².
+    pub variance_m2: T,
+    /// Capacitance of film and cable, F.
+    pub capacitance_f: T,
+    /// Apparent series resistance, Ω: of a tone that is a sine that of electrodes and leads. Of steps that a fast amplifier makes it is less, as
+    /// the current has then fallen by the end of a tick.
+    pub resistance_ohm: T,
+}
+
+impl<T: Real> SelfSensed<T> {
+    /// Standard deviation of the displacement, m.
+    #[must_use]
+    pub fn uncertainty_m(&self) -> T {
+        self.variance_m2.sqrt()
+    }
+}
+
+/// Why a film cannot be sensed: found in two blocks in a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum SelfSensingFault {
+    /// The tone does not appear at the voltage monitor: the amplifier does not pass it, or is off.
+    NoTone,
+    /// The film conducts: more current than it may leak, or as through a resistor.
+    Shorted,
+    /// The current monitor shows no tone, less than the cable alone would.
+    CurrentMonitor,
+    /// Less than half of the film's capacitance, or behind too much resistance: an electrode or its lead is lost.
+    Electrode,
+}
+
+/// The film as its own displacement sensor: a tone on the drive, its current, the capacitance, the displacement.
+///
+/// In every tick: [`sense`](Self::sense) takes the readings of the last one and returns a [`SelfSensed`] with the tick after each block; then
+/// [`drive`](Self::drive) adds the tone to the voltage of the next tick.
+///
+/// # Exactly
+///
+/// With V and I the phasors of the tone, demodulated over a block, and h a tick: the mean current of a tick is the change of the charge
+/// over h, and of the charge's phasor (1 + i) / h. So (1 + i) I is proportional to the current at the end of the tick, and
+///
+/// ```text
+/// Z = V / (π (1 + i) I / 4) = R + 1 / (i ω C),    ω = π / 2 h,    C = −1 / (ω Im Z),    R = Re Z
+/// ```
+///
+/// This holds for C whatever the tone looks like between the ticks, as long as no current flows through R at their ends, and for a sine in any case. Steps
+/// through an amplifier with a lag of a fifth of a tick make an error of some 2 % of R ω C, a lag of a tick 30 %: constant, and so a part of
+/// the calibration.
+///
+/// No plane is fitted to charge, voltage and current. The cable is parallel to the film and its part of C; the
+/// [`CapacitanceRelation`] is calibrated with it.
+///
+/// Readings of the current must be means over a tick, by oversampling or an integrator: the current of an amplifier that is faster than
+/// the tick is a peak at its begin, which a single conversion misses.
+///
+/// # A second sensor
+///
+/// [`correct`](Self::correct) takes its samples. Self-sensing is precise from block to block and drifts with its relation, so the difference
+/// to the other sensor is estimated (a Kalman filter of one state) and added. It stays when that sensor is lost, and its variance returns
+/// to that of the relation within `drift_s`.
+///
+/// ```
+/// use springpot::{CapacitanceRelation, FilmReading, SelfSensing, SelfSensingOptions};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let relation = CapacitanceRelation::of_geometry(700e-12, 0.06, 2.0, 900e-12);
+/// let sensing = SelfSensing::<f32>::new(&relation, SelfSensingOptions::BENCH)?;
+/// let mut state = sensing.state();
+/// // An ideal capacitor of 800 pF instead of film, cable and amplifier.
+/// let (mut before_v, mut sensed) = (0.0, None);
+/// let mut reading = FilmReading { voltage_v: 0.0, current_a: 0.0 };
+/// for _ in 0..100 {
+///     sensed = sensing.sense(&mut state, reading).or(sensed);
+///     let voltage_v = sensing.drive(&state, 3000.0);
+///     reading = FilmReading { voltage_v, current_a: 800e-12 * (voltage_v - before_v) / 1e-3 };
+///     before_v = voltage_v;
+/// }
+/// let sensed = sensed.ok_or("no block has ended")?;
+/// assert!((sensed.capacitance_f - 800e-12).abs() < 1e-15);
+/// let stretch = f32::sqrt(800.0 / 700.0);
+/// assert!((sensed.sample.displacement_m - 0.06 * (stretch - 1.0)).abs() < 20e-6);
+/// assert_eq!(sensed.sample.age_ticks, 14);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct SelfSensing<T> {
+    relation: Relation<T>,
+    tone: T,
+    /// Ticks of a block, and the age of its sample.
+    ticks: u16,
+    age: u16,
+    /// Factors of |J|² / (V × J) for the capacitance, and of (V · J) / |J|² for the resistance.
+    capacitance: T,
+    resistance: T,
+    /// Variances of the phasors by noise, relative ones once divided by their squares.
+    voltage_noise: T,
+    current_noise: T,
+    thresholds: Thresholds<T>,
+    /// Variance of the relation, m², and the share of it that returns in a block.
+    variance: T,
+    drift: T,
+}
+
+/// Where a film counts as faulty.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Thresholds<T> {
+    /// Square of the voltage's phasor.
+    voltage: T,
+    /// Largest sum of the current in a block.
+    current: T,
+    /// Squares of the current's phasor over that of the voltage: of less than the cable, and of the film at rest.
+    cable: T,
+    rest: T,
+    /// Least capacitance, F.
+    capacitance: T,
+}
+
+/// Blocks whose estimates are kept, for samples of another sensor that arrive later.
+const PAST: usize = 8;
+/// Blocks at the start that are not used: those in which the filter fills.
+const SETTLING: u8 = 1;
+/// Faulty blocks in a row that are a fault.
+const FAULTY: u8 = 2;
+
+/// State of [`SelfSensing`]: changes with every tick.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SelfSensingState<T: Real> {
+    relation: RelationState<T>,
+    voltage: Demodulator<T>,
+    current: Demodulator<T>,
+    /// Sum of the current in this block.
+    current_sum: T,
+    /// Tick of the block.
+    tick: u16,
+    settling: u8,
+    faulty: u8,
+    fault: Option<SelfSensingFault>,
+    /// Whether the last block gave a sample; capacitance (F), resistance (Ω) and relative variance of the last one that did.
+    is_good: bool,
+    capacitance: T,
+    resistance: T,
+    relative: T,
+    drive: T,
+    /// Estimates without the offset, newest at `newest`.
+    past: [T; PAST],
+    newest: usize,
+    /// The displacement by another sensor minus the estimate, m, its variance, and the sample that the next estimate is compared with.
+    offset: T,
+    variance: T,
+    pending: Option<Pending<T>>,
+}
+
+/// A sample of another sensor that waits for an estimate of its time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Pending<T> {
+    displacement: T,
+    variance: T,
+    /// Its age once the next estimate is made, ticks.
+    age: usize,
+}
+
+impl<T: Real> SelfSensing<T> {
+    /// Self-sensing of a film of this `relation`, with these `options`.
+    ///
+    /// # Errors
+    ///
+    /// [`SelfSensingError`] for values that are not finite and positive, a relation that does not rise, periods that are not 2 to 64, a cable with
+    /// more capacitance than film and cable, and a springpot whose memory has too few modes.
+    pub fn new(relation: &CapacitanceRelation, options: SelfSensingOptions) -> Result<Self, SelfSensingError> {
+        options.check()?;
+        let SelfSensingOptions { step_s, tone_v, cable_f, .. } = options;
+        let running = Relation::new(relation, options.sample_interval_s())?;
+        if !(cable_f >= 0.0 && cable_f < relation.rest_f) {
+            return Err(SelfSensingError::Cable { cable_f, rest_f: relation.rest_f });
+        }
+        let ticks = 4 * options.periods;
+        let n = f64::from(ticks);
+        // |J| / |V| of a capacitance.
+        let admittance = |capacitance_f: f64| 2.0 * capacitance_f / step_s;
+        let square = |value: f64| T::from_f64(value * value);
+        // Of a tone of 1, and of noise in each part of the phasor.
+        let (phasor, noise) = (GAIN * n / 2.0, GAIN * GAIN * n / 2.0);
+        // Half of the cable's; a small part of the film's where the cable is not known.
+        let no_current_f = if cable_f > 0.0 { 0.5 * cable_f } else { relation.rest_f / 16.0 };
+        Ok(Self {
+            relation: running,
+            tone: T::from_f64(tone_v),
+            ticks,
+            age: 2 * options.periods + 4,
+            capacitance: T::from_f64(0.5 * step_s),
+            resistance: T::from_f64(core::f64::consts::FRAC_2_PI * 2.0),
+            voltage_noise: T::from_f64(noise * options.voltage_noise_v * options.voltage_noise_v),
+            current_noise: T::from_f64(2.0 * noise * options.current_noise_a * options.current_noise_a),
+            thresholds: Thresholds {
+                voltage: square(0.25 * phasor * tone_v),
+                current: T::from_f64(n * options.max_current_a),
+                cable: square(admittance(no_current_f)),
+                rest: square(admittance(relation.rest_f)),
+                capacitance: T::from_f64(0.5 * (cable_f + relation.rest_f)),
+            },
+            variance: square(relation.uncertainty_m),
+            drift: T::from_f64(1.0 - libm::exp(-2.0 * options.sample_interval_s() / options.drift_s)),
+        })
+    }
+
+    /// A state of a film that has rested at x = 0, at the first tick of the tone.
+    #[must_use]
+    pub fn state(&self) -> SelfSensingState<T> {
+        SelfSensingState {
+            relation: self.relation.state(),
+            voltage: Demodulator::AT_REST,
+            current: Demodulator::AT_REST,
+            current_sum: T::ZERO,
+            tick: 0,
+            settling: SETTLING,
+            faulty: 0,
+            fault: None,
+            is_good: false,
+            capacitance: self.relation.rest(),
+            resistance: T::ZERO,
+            relative: T::ZERO,
+            drive: T::ZERO,
+            past: [T::ZERO; PAST],
+            newest: 0,
+            offset: T::ZERO,
+            variance: self.variance,
+            pending: None,
+        }
+    }
+
+    /// The voltage of this tick with the tone, V. Below the tone's amplitude the drive is that amplitude: the voltage never reaches below 0 V.
+    /// At most it is one amplitude above `voltage` (V).
+    #[inline]
+    #[must_use]
+    pub fn drive(&self, state: &SelfSensingState<T>, voltage: T) -> T {
+        let voltage = if voltage > self.tone { voltage } else { self.tone };
+        match state.tick & 3 {
+            1 => voltage + self.tone,
+            3 => voltage - self.tone,
+            _ => voltage,
+        }
+    }
+
+    /// Takes the `reading` of the tick that has ended. Returns the displacement with the tick after each block, unless that was faulty.
+    ///
+    /// A non-finite reading counts as the one before.
+    #[inline]
+    pub fn sense(&self, state: &mut SelfSensingState<T>, reading: FilmReading<T>) -> Option<SelfSensed<T>> {
+        let FilmReading { voltage_v, current_a } = reading;
+        let voltage = if is_finite(voltage_v) { voltage_v } else { state.voltage.last() };
+        let current = if is_finite(current_a) { current_a } else { state.current.last() };
+        state.drive = state.voltage.advance(voltage);
+        state.current.advance(current);
+        state.current_sum = state.current_sum + current;
+        let tick = state.tick + 1;
+        if tick >= self.ticks {
+            state.tick = 0;
+            self.end_block(state);
+            return None;
+        }
+        state.tick = tick;
+        if tick == 1 { self.estimate(state) } else { None }
+    }
+
+    /// The impedance of a block, and its faults.
+    #[inline(never)] // a tick within a block does not pay for it
+    fn end_block(&self, state: &mut SelfSensingState<T>) {
+        let [v_re, v_im] = state.voltage.take();
+        let [i_re, i_im] = state.current.take();
+        let mean = core::mem::replace(&mut state.current_sum, T::ZERO).abs();
+        let (j_re, j_im) = (i_re - i_im, i_re + i_im);
+        let voltage2 = v_re * v_re + v_im * v_im;
+        let current2 = j_re * j_re + j_im * j_im;
+        let cross = v_re * j_im - v_im * j_re;
+        let dot = v_re * j_re + v_im * j_im;
+        let capacitance = self.capacitance * current2 / cross;
+        let has_film = capacitance > self.thresholds.capacitance;
+
+        let Thresholds { voltage, current, cable, rest, .. } = self.thresholds;
+        let conducts = dot > cross && current2 > rest * voltage2;
+        let fault = if voltage2 < voltage {
+            Some(if mean > current { SelfSensingFault::Shorted } else { SelfSensingFault::NoTone })
+        } else if current2 < cable * voltage2 {
+            Some(SelfSensingFault::CurrentMonitor)
+        } else if mean > current || conducts {
+            Some(SelfSensingFault::Shorted)
+        } else if dot > cross || !has_film {
+            Some(SelfSensingFault::Electrode)
+        } else {
+            None
+        };
+        let is_settled = state.settling == 0;
+        state.settling = state.settling.saturating_sub(1);
+        state.is_good = fault.is_none() && is_settled;
+        state.faulty = if fault.is_some() && is_settled { state.faulty.saturating_add(1) } else { 0 };
+        if state.faulty >= FAULTY && state.fault.is_none() {
+            state.fault = fault;
+        }
+        if state.is_good {
+            state.capacitance = capacitance;
+            state.resistance = self.resistance * dot / current2;
+            state.relative = self.current_noise / current2 + self.voltage_noise / voltage2;
+        }
+    }
+
+    /// The displacement of the last block. After a faulty one the relation creeps on with the last capacitance.
+    #[inline(never)] // as above
+    fn estimate(&self, state: &mut SelfSensingState<T>) -> Option<SelfSensed<T>> {
+        let (displacement, slope) = self.relation.displacement(&mut state.relation, state.capacitance);
+        state.remember(displacement);
+        state.variance = state.variance + self.drift * (self.variance - state.variance);
+        let noise = slope * slope * state.relative;
+        if let Some(pending) = state.pending.take() {
+            state.compare(pending, noise, self.ticks, self.age);
+        }
+        state.is_good.then(|| SelfSensed {
+            sample: SensorSample { displacement_m: displacement + state.offset, age_ticks: usize::from(self.age) },
+            variance_m2: state.variance + noise,
+            capacitance_f: state.capacitance,
+            resistance_ohm: state.resistance,
+        })
+    }
+
+    /// Takes a `sample` of another sensor, of this variance (m²): the next estimate is compared with it. While one waits, others are ignored.
+    pub fn correct(&self, state: &mut SelfSensingState<T>, sample: SensorSample<T>, variance_m2: T) {
+        let is_usable = is_finite(sample.displacement_m) && is_finite(variance_m2) && variance_m2 > T::ZERO;
+        if is_usable && state.pending.is_none() {
+            // Ticks until the next estimate, which is made at tick 1 of a block.
+            let to_come = if state.tick == 0 { 1 } else { self.ticks + 1 - state.tick };
+            let age = sample.age_ticks.saturating_add(usize::from(to_come));
+            state.pending = Some(Pending { displacement: sample.displacement_m, variance: variance_m2, age });
+        }
+    }
+}
+
+impl<T: Real> SelfSensingState<T> {
+    #[inline]
+    fn remember(&mut self, displacement: T) {
+        self.newest = if self.newest == 0 { PAST - 1 } else { self.newest - 1 };
+        if let Some(slot) = self.past.get_mut(self.newest) {
+            *slot = displacement;
+        }
+    }
+
+    /// Corrects the offset with `other`, from between two of the kept estimates, which are `ticks` apart, the newest `age` ticks old.
+    fn compare(&mut self, other: Pending<T>, noise: T, ticks: u16, age: u16) {
+        let Some(since) = other.age.checked_sub(usize::from(age)) else {
+            // Younger than the newest estimate: the next will do.
+            self.pending = Some(Pending { age: other.age.saturating_add(usize::from(ticks)), ..other });
+            return;
+        };
+        let (Some(blocks), Some(rest)) = (since.checked_div(ticks.into()), since.checked_rem(ticks.into())) else {
+            return;
+        };
+        let place = |blocks: usize| self.past.get((self.newest + blocks) % PAST).copied().unwrap_or(T::ZERO);
+        if blocks + 1 >= PAST || !self.is_good {
+            return;
+        }
+        #[allow(clippy::cast_possible_truncation)] // less than a block
+        let part = T::from_f64(f64::from(rest as u16)) / T::from_f64(f64::from(ticks));
+        let (later, earlier) = (place(blocks), place(blocks + 1));
+        let estimate = later + part * (earlier - later);
+        let gain = self.variance / (self.variance + other.variance + noise);
+        self.offset = self.offset + gain * (other.displacement - estimate - self.offset);
+        self.variance = self.variance - gain * self.variance;
+    }
+
+    /// Why the film cannot be sensed. It stays until a new state begins: end at 0 V.
+    #[must_use]
+    #[inline]
+    pub fn fault(&self) -> Option<SelfSensingFault> {
+        self.fault
+    }
+
+    /// The voltage without the tone, V, half a period ago: what a model of the film steps with.
+    #[must_use]
+    #[inline]
+    pub fn drive_v(&self) -> T {
+        self.drive
+    }
+
+    /// The displacement by another sensor minus that by the capacitance, m.
+    #[must_use]
+    pub fn offset_m(&self) -> T {
+        self.offset
+    }
+}
