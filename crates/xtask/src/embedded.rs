@@ -35,11 +35,10 @@ pub enum Films {
 }
 
 /// Builds images of the libraries for both chips, runs them and compares them with the host and with what the documents state.
-/// `films` are those of the core without an FPU.
 pub fn run(toolchain: &Toolchain, films: Films) -> Result<()> {
     let [cortex_m4f, cortex_m0] = TARGETS;
     check_sources(toolchain, cortex_m4f)?;
-    let costs = steps(toolchain, cortex_m4f, Films::All)?;
+    let costs = steps(toolchain, cortex_m4f, films)?;
     within_bars(&costs)?;
     let documents = Documents::read()?;
     let mut off = compare(&documents, "Cortex-M4F", &costs);

@@ -8,16 +8,11 @@ use crate::setup::{OTHER_TARGETS, Toolchain, built};
 /// The output of the example is here.
 const PAGE: &str = "docs/own-board.md";
 
-/// Builds the example for the Cortex-M33 and runs it: it does what it must and prints what its page states.
-pub fn on_cortex_m33(toolchain: &Toolchain) -> Result<()> {
-    format(&folder())?;
-    on_chip(toolchain, OTHER_TARGETS[0])
-}
-
-/// The same on every core that it knows and as a program of this host, with its lints.
+/// Builds the example for every core that it knows and as a program of this host, with its lints, and runs it: it does what it must and prints
+/// what its page states.
 pub fn everywhere(toolchain: &Toolchain) -> Result<()> {
-    on_cortex_m33(toolchain)?;
-    on_chip(toolchain, OTHER_TARGETS[1])?;
+    format(&folder())?;
+    OTHER_TARGETS.iter().try_for_each(|target| on_chip(toolchain, target))?;
     let tuple = output(command("rustc", &["--print", "host-tuple"]))?;
     let mut host = cargo(&format!("run --quiet --release --locked --target {}", tuple.trim()));
     host.current_dir(folder()).env("CARGO_TARGET_DIR", built());

@@ -9,7 +9,7 @@ use std::{env, fs, thread};
 use crate::embedded::Films;
 use crate::packages::LIBRARIES;
 use crate::process::{Result, at, cargo, read, root, run as run_command};
-use crate::{embedded, firmware, other_board, packages, setup};
+use crate::{embedded, firmware, packages, setup};
 
 /// Variable that the tests read: with `full` they run all cases of their sweeps, otherwise a sample.
 const SWEEP: &str = "SPRINGPOT_SWEEP";
@@ -76,15 +76,14 @@ impl Stages {
 
 /// Installs what is missing and runs every check and test.
 pub fn run() -> Result<()> {
-    let [other_core, _] = setup::OTHER_TARGETS;
-    setup::agree(&[setup::TARGETS.as_slice(), &[other_core]].concat())?;
+    setup::agree(&setup::TARGETS)?;
     let mut stages = Stages::begin();
     let images = || {
         let toolchain = setup::run()?;
         firmware::images(&toolchain)?;
         embedded::libraries(&toolchain)?;
-        embedded::run(&toolchain, Films::Few)?;
-        other_board::on_cortex_m33(&setup::toolchain(&[other_core])?)
+        // All films, and the cores of other boards, are those of `cargo xtask faces rust`.
+        embedded::run(&toolchain, Films::Few)
     };
     stages.run_beside(("tools, images, and steps on chips", images), |stages| {
         stages.run("format", || run_command(cargo("fmt --all --check")))?;
