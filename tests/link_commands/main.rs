@@ -267,6 +267,13 @@ fn adaptation_is_ordered_and_shown() {
     for (order, adapting) in [("hold", "hold"), ("forget", "hold"), ("learn", "learn"), ("off", "off")] {
         assert_eq!(board.json(&format!("adaptation {order}"))["adapting"], adapting, "{order}");
     }
+    // What was kept is in use where the board starts again with what it has stored.
+    for (order, adapting) in [("learn", "hold"), ("off", "off")] {
+        board.json(&format!("adaptation {order}"));
+        let kept = board.json("adaptation keep");
+        board.json("reload");
+        assert_eq!(board.json("adaptation")["adapting"], adapting, "{order}: {kept}");
+    }
 }
 
 /// References are followed with and without the sensor.

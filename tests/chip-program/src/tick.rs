@@ -119,5 +119,6 @@ fn parameters(law: &Coefficients<f32>, actuator: Actuator) -> Parameters {
         },
         control: Control::BENCH,
         self_test_above_v: <Parameters>::NO_SELF_TEST_V,
+        adapted: None,
     }
 }

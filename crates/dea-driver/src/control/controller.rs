@@ -175,6 +175,9 @@ impl<M: ControllerMemory> Controller<M> {
         let motion = Motion::new(limits.sensor).beyond_by(margin);
         let lags = parameters.amplifier_lag != AmplifierLag::NONE;
         let (thinning_per_m, shares_per_n) = (thinning_per_m as f32, (1.0 / largest_n) as f32);
+        let mut course = follower.state(M::at_rest(law));
+        // A blob's have been checked.
+        let _ = parameters.adapted.map(|adapted| course.restore(&adapted));
         Self {
             #[cfg(feature = "link")]
             digests: None,
@@ -185,7 +188,7 @@ impl<M: ControllerMemory> Controller<M> {
             checksum,
             supervisor: *supervisor,
             follower: follower.clone(),
-            course: follower.state(M::at_rest(law)),
+            course,
             open_loop: watched.held(limits.max_displacement_m, ASSUMED_HELD_S),
             is_history_assumed: true,
             watched,

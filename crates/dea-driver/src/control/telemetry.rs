@@ -43,6 +43,9 @@ pub enum AdaptationOrder {
     Off,
     /// Forget what was learned; learning, if it is on, goes on.
     Forget,
+    /// Store what was learned with the parameters, which stay as they are: in use, and held, from the next start on. Stores that nothing was learned
+    /// where the law is as it was fitted. While the amplifier is off.
+    Keep,
 }
 
 /// How far a film has moved from its law.

@@ -285,6 +285,9 @@ impl<M: ControllerMemory> Blob<M> {
         if !(0.0..f32::INFINITY).contains(&above_v) {
             return Err(BlobError::SelfTest { above_v });
         }
+        let largest_n = parameters.actuator.electrostatic_force(f64::from(parameters.limits.max_voltage_v));
+        let learned = parameters.adapted.map_or(Ok(()), |adapted| adapted.check(largest_n));
+        learned.map_err(BlobError::Control)?;
         parameters.check_reach(command_v, converters)?;
         let sensor_m = |volts| parameters.sensor.apply(volts) - parameters.sensor_offset_m;
         let unplugged_v = converters.resolution.sensor * converters.sensor_v;

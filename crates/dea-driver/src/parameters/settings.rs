@@ -2,7 +2,7 @@
 
 use heapless::String;
 use serde::{Deserialize, Serialize};
-use springpot::{Actuator, AmplifierLag, CommandLimits, Compressed, Law, LearningOptions, ObserverOptions};
+use springpot::{Actuator, Adapted, AmplifierLag, CommandLimits, Compressed, Law, LearningOptions, ObserverOptions};
 
 use crate::chips::{Calibration, Ceilings, CommandRange};
 use crate::parameters::ControllerMemory;
@@ -68,6 +68,9 @@ pub struct Parameters<M: ControllerMemory = Compressed<f32>> {
     /// [`NO_SELF_TEST_V`](Self::NO_SELF_TEST_V) for never, 0 for always. Blobs that do not state it ask for none.
     #[serde(skip, default = "no_self_test_v")]
     pub self_test_above_v: f32,
+    /// The changes of the film that were learned when they were [kept](crate::AdaptationOrder::Keep): in use from the start, and held. None for the law as it was fitted.
+    #[serde(skip)]
+    pub adapted: Option<Adapted<f32>>,
 }
 
 fn no_self_test_v() -> f32 {
@@ -99,6 +102,7 @@ impl<M: ControllerMemory> Parameters<M> {
             limits: Limits::bench(actuator.thickness_m as f32),
             control: Control::BENCH,
             self_test_above_v: Self::NO_SELF_TEST_V,
+            adapted: None,
         }
     }
 }

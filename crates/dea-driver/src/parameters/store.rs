@@ -13,7 +13,7 @@ use embedded_storage::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind};
 use springpot::Compressed;
 
 use crate::chips::Converters;
-use crate::parameters::{BLOB_LEN, Blob, BlobError, ControllerMemory};
+use crate::parameters::{BLOB_LEN, Blob, BlobError, ControllerMemory, Parameters};
 
 /// Bytes before the blob: sequence number and its complement.
 const HEADER: usize = 8;
@@ -110,6 +110,15 @@ impl<F: NorFlash, M: ControllerMemory> Store<F, M> {
     /// [`StoreError::Refused`].
     pub fn decode(&self, bytes: &[u8]) -> Result<Blob<M>, StoreError> {
         Blob::decode_for(bytes, self.board, &self.converters).map_err(StoreError::Refused)
+    }
+
+    /// Writes the blob of `parameters` for this board to `bytes` and returns its length.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Refused`].
+    pub fn encode(&self, parameters: &Parameters<M>, bytes: &mut [u8]) -> Result<usize, StoreError> {
+        parameters.encode_for(self.board, &self.converters, bytes).map_err(StoreError::Refused)
     }
 
     /// The newest valid parameters, and whether there were newer ones.

@@ -7,7 +7,7 @@ use crate::chips::Drive;
 use crate::control::{
     AdaptationOrder, AdaptationStatus, Controller, FlightRecord, Inputs, LearningOrder, Mode, SetpointError, Telemetry,
 };
-use crate::parameters::ControllerMemory;
+use crate::parameters::{ControllerMemory, Parameters};
 use crate::safety::{Cause, DriverState, Refusal, Supervisor};
 use crate::wire::{Answer, Inspection, REFUSALS, Reject, Status};
 
@@ -420,6 +420,18 @@ impl<M: ControllerMemory> Device<M> {
         }
         controller.order_adaptation(order);
         Ok(())
+    }
+
+    /// The parameters in force, with what was learned of the film.
+    ///
+    /// # Errors
+    ///
+    /// [`Reject::NoParameters`]; while the amplifier may be enabled.
+    pub fn adapted_parameters(&mut self) -> Result<Parameters<M>, Denial> {
+        self.is_off()?;
+        let controller = self.installed()?;
+        controller.order_adaptation(AdaptationOrder::Keep);
+        Ok(controller.parameters().clone())
     }
 
     /// [`Controller::adaptation`].

@@ -256,6 +256,7 @@ impl Session {
             Command::InjectFault(fault) if board.inject_fault(fault) => Ok(()),
             Command::InjectFault(_) => Err(Denial::Rejected(Reject::Unknown)),
             Command::Learning(order) => self.drive(token, Act::Learning(order), board),
+            Command::Adapt(AdaptationOrder::Keep) => self.keep_adapted(board),
             Command::Adapt(order) => self.drive(token, Act::Adapt(order), board),
             Command::Adaptation => {
                 let found = board.with(|device| device.adaptation()).0;
@@ -314,6 +315,17 @@ impl Session {
         })?;
         self.try_out(false, board);
         Ok(())
+    }
+
+    /// Stores the parameters in force with what was learned of the film.
+    fn keep_adapted<M: ControllerMemory, B: Board<M>>(&mut self, board: &mut B) -> Result<(), Denial> {
+        if self.on_trial {
+            return Err(Denial::Rejected(Reject::Value));
+        }
+        let parameters = board.with(Device::adapted_parameters).0?;
+        let bytes = self.upload.room();
+        let length = board.store().encode(&parameters, bytes).map_err(|_| Denial::Rejected(Reject::Blob))?;
+        board.save(&bytes[..length]).map_err(|_| Denial::Rejected(Reject::Flash))
     }
 
     fn acknowledge<M: ControllerMemory, B: Board<M>>(&mut self, board: &mut B) -> Result<(), Denial> {

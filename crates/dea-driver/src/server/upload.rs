@@ -41,6 +41,12 @@ impl Upload {
         Ok(())
     }
 
+    /// The room for a blob, without what was uploaded.
+    pub fn room(&mut self) -> &mut [u8; BLOB_LEN] {
+        self.length = 0;
+        &mut self.bytes
+    }
+
     /// The complete upload, which must be `length` bytes; the next piece begins a new one.
     ///
     /// # Errors

@@ -4,14 +4,15 @@ use std::f64::consts::TAU;
 
 use dea_driver::wire::{Answer, Command, Reject};
 use dea_driver::{
-    AdaptationOrder, Cause, Control, Controller, DriverState, LearningOrder, Mode, OnSensorFault, Parameters,
+    AdaptationOrder, AdaptationStatus, BLOB_LEN, Blob, BlobError, Cause, Control, Controller, DriverState,
+    LearningOrder, Mode, OnSensorFault, Parameters,
 };
-use springpot::Adapting;
+use springpot::{Adapted, Adapting, ControlError};
 
 use crate::bench::{board_parameters, encoded};
 use crate::board::BOARD;
 use crate::film_bench::{FilmBench as Bench, adc_v};
-use crate::host::Host;
+use crate::host::{Host, blob};
 
 const LEARN: AdaptationOrder = AdaptationOrder::Learn { trip_at: 3.0 };
 
@@ -126,6 +127,97 @@ fn a_film_that_has_aged_too_far_trips() {
             assert!(bench.high_voltage_v < 1.0);
         }
     }
+}
+
+/// The changes of a film are stored with the parameters, and used by the controller that is built from them: as good without a sensor as before.
+#[test]
+fn what_was_kept_is_used_after_a_restart() {
+    let mut learned = bench(0.9);
+    learned.ask(|controller| controller.order_adaptation(LEARN));
+    learned.start(Mode::Tracking);
+    run(&mut learned, [0, 60], false);
+    learned.ask(|controller| controller.order_adaptation(AdaptationOrder::Keep));
+    let kept = encoded(learned.controller.parameters(), BOARD);
+    let read = Blob::decode(&kept, BOARD).expect("its own").into_parameters();
+    assert_eq!(&read, learned.controller.parameters());
+
+    let mut restarted = Bench { force_scale: 0.9, ..Bench::with(read) };
+    let AdaptationStatus { adapting, adapted, .. } = restarted.controller.adaptation();
+    let before = learned.controller.adaptation().adapted;
+    assert_eq!((adapting, adapted.memory, adapted.rate), (Adapting::Hold, before.memory, before.rate));
+    restarted.start(Mode::Feedforward);
+    let error_m = run(&mut restarted, [0, 20], true);
+    assert!(error_m < 5e-6, "{error_m} m");
+    let adapted = restarted.controller.adaptation().adapted;
+    assert!((adapted.ageing - before.ageing).abs() < 1e-3, "{adapted:?} after {before:?}");
+}
+
+/// Numbers that no law can have learned are refused when a blob is made, and when it is read; blobs without any are as they were.
+#[test]
+fn what_no_law_has_learned_is_refused() {
+    let with = |adapted| Parameters { adapted: Some(adapted), self_test_above_v: 1e3, ..board_parameters() };
+    let sound = Adapted {
+        force_scale: 0.5,
+        uncertainty: 0.1,
+        memory: 0.7,
+        rate: -1.1,
+        stretch: 0.25,
+        bias_n: 0.01,
+        ageing: 2.0,
+    };
+    let mut bytes = encoded(&with(sound), BOARD);
+    let usual = encoded(&Parameters { adapted: None, ..with(sound) }, BOARD);
+    assert_eq!(bytes.len(), usual.len() + 28);
+    assert_eq!(Blob::decode(&bytes, BOARD).expect("sound").parameters(), &with(sound));
+    for unsound in [
+        Adapted { force_scale: 0.2, ..sound },
+        Adapted { force_scale: -1.0, ..sound },
+        Adapted { force_scale: f32::NAN, ..sound },
+        Adapted { memory: 0.71, ..sound },
+        Adapted { rate: f32::INFINITY, ..sound },
+        Adapted { stretch: -0.26, ..sound },
+        Adapted { bias_n: 1e3, ..sound },
+        Adapted { bias_n: f32::NAN, ..sound },
+    ] {
+        let refused = with(unsound).encode(BOARD, &mut [0; BLOB_LEN]);
+        assert!(
+            matches!(refused, Err(BlobError::Control(ControlError::OutOfRange { .. }))),
+            "{unsound:?}: {refused:?}"
+        );
+    }
+    // The scale is the first of the last seven numbers, before the checksum.
+    let end = bytes.len() - 4;
+    bytes[end - 28..end - 24].copy_from_slice(&5f32.to_le_bytes());
+    let checksum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes[..end]);
+    bytes[end..].copy_from_slice(&checksum.to_le_bytes());
+    assert!(matches!(Blob::decode(&bytes, BOARD), Err(BlobError::Control(ControlError::OutOfRange { .. }))));
+}
+
+/// Over the link: what is learned is kept with stored parameters alone, while the amplifier is off, and is gone from the store once it was forgotten.
+#[test]
+fn it_is_kept_over_the_link() {
+    let mut host = Host::with_parameters();
+    let keep = Command::Adapt(AdaptationOrder::Keep);
+    assert_eq!(host.ask(keep.clone()), Answer::Rejected(Reject::Value), "they are only tried");
+    let bytes = blob();
+    host.upload(&bytes);
+    assert_eq!(host.ask(Command::Commit { length: bytes.len() as u16 }), Answer::Done);
+    let stored = |host: &mut Host| host.bench.store.load().expect("stored").blob.into_parameters().adapted;
+    assert_eq!((host.ask(keep.clone()), stored(&mut host)), (Answer::Done, None));
+
+    assert_eq!(host.ask(Command::Adapt(LEARN)), Answer::Done);
+    host.tick();
+    host.arm();
+    assert!(matches!(host.ask(keep.clone()), Answer::Refused(_)));
+    assert_eq!(host.ask(Command::Disarm), Answer::Done);
+    assert_eq!(host.ask(keep.clone()), Answer::Done);
+    assert!(stored(&mut host).is_some());
+    assert_eq!(host.ask(Command::Reload), Answer::Done);
+    let Answer::Adaptation(status) = host.ask(Command::Adaptation) else { panic!("no status") };
+    assert_eq!(status.adapting, Adapting::Hold);
+
+    assert_eq!(host.ask(Command::Adapt(AdaptationOrder::Off)), Answer::Done);
+    assert_eq!((host.ask(keep), stored(&mut host)), (Answer::Done, None));
 }
 
 /// Over the link: off at first, levels and parameters are checked, and other parameters switch it off.

@@ -2,7 +2,7 @@
 
 use core::cmp::Ordering;
 
-use crate::control::adapted::{Adapted, Adapting};
+use crate::control::adapted::{Adapted, Adapting, BOUNDS};
 use crate::control::inverse::share_per_step;
 use crate::control::observer::{Observer, ObserverState};
 use crate::control::observer_options::ObserverOptions;
@@ -27,9 +27,6 @@ const BIAS: usize = 4;
 
 /// Standard deviations of what is expected before a sensor has shown anything; of the bias in largest forces.
 const EXPECTED: [f64; PARAMETERS] = [0.3, 0.3, 0.7, 0.15, 0.005];
-/// Bounds: a force scale of 0.25 to 4, half to twice the memory, a third to three times its rates, orders of 0.8 to 1.3 times; of the bias
-/// in largest forces.
-const BOUNDS: [f64; PARAMETERS] = [1.386, 0.7, 1.1, 0.25, 1.0];
 /// Change of the force scale that is expected in an adaptation time, and rates with which what was learned of the others counts less, over
 /// adaptation times.
 const WANDERING: f64 = 0.005;
@@ -435,6 +432,13 @@ impl<T: Real, P> AdaptationState<T, P> {
     pub(crate) fn reset<M: Memory<T, PerMode = P>>(&mut self) {
         let adapting = self.adapting;
         *self = Self { is_in_use: adapting != Adapting::Off, adapting, ..Self::as_fitted::<M>() };
+    }
+
+    /// Uses what was learned before at once, and holds it; how sure that is begins anew.
+    pub(crate) fn restore<M: Memory<T, PerMode = P>>(&mut self, adapted: &Adapted<T>) {
+        let scale = T::from_f64(libm::log(adapted.force_scale.to_f64()));
+        let used = [scale, adapted.memory, adapted.rate, adapted.stretch, adapted.bias_n];
+        *self = Self { estimates: used, used, is_in_use: true, adapting: Adapting::Hold, ..Self::as_fitted::<M>() };
     }
 
     pub(crate) fn adapted(&self, force_scale: T) -> Adapted<T> {

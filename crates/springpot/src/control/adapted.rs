@@ -1,6 +1,11 @@
 //! A law that follows its film: how, and how far the film has moved.
 
+use crate::error::ControlError;
 use crate::scalar::Real;
+
+/// Bounds: a force scale of 0.25 to 4, half to twice the memory, a third to three times its rates, orders of 0.8 to 1.3 times; of the bias
+/// in largest forces.
+pub(crate) const BOUNDS: [f64; 5] = [1.386, 0.7, 1.1, 0.25, 1.0];
 
 /// How [`Tracking`](crate::Tracking) follows a film that is no longer the one its law was fitted to: warmer, older, under another weight.
 ///
@@ -103,5 +108,29 @@ impl<T: Real> Adapted<T> {
     #[must_use]
     pub fn needs_fit(&self) -> bool {
         self.ageing >= T::from_f64(1.0)
+    }
+
+    /// Checks that the law of a film with a force of up to `largest_n` (N) can have learned it: numbers within the bounds of [`Adapting`].
+    ///
+    /// # Errors
+    ///
+    /// [`ControlError::OutOfRange`] for the first that is not; logarithms and the bias by their size.
+    pub fn check(&self, largest_n: f64) -> Result<(), ControlError> {
+        let [scale, memory, rate, stretch, _] = BOUNDS;
+        let size = |value: T| value.abs().to_f64();
+        for (quantity, value, most) in [
+            ("force_scale, its logarithm", libm::fabs(libm::log(self.force_scale.to_f64())), scale),
+            ("memory", size(self.memory), memory),
+            ("rate", size(self.rate), rate),
+            ("stretch", size(self.stretch), stretch),
+            ("bias_n", size(self.bias_n), largest_n),
+        ] {
+            // Single precision may be beyond a bound by its rounding; NaN is out of range.
+            let within = value <= most * (1.0 + 1e-5);
+            if !within {
+                return Err(ControlError::OutOfRange { quantity, value, most });
+            }
+        }
+        Ok(())
     }
 }

@@ -1,12 +1,13 @@
 //! The whole law of control: a reference is followed, with or without a sensor, and its cycles are learned.
 
-use crate::control::adapted::Adapting;
+use crate::control::adapted::{Adapted, Adapting};
 use crate::control::feedforward::{Feedforward, FeedforwardState};
 use crate::control::inverse::{Applied, VoltageCommand};
 use crate::control::learning::{Learning, LearningState};
 use crate::control::limits::Limited;
 use crate::control::observer::{ObserverState, SensorSample};
 use crate::control::tracking::{Tracking, TrackingState};
+use crate::error::ControlError;
 use crate::law::{LawState, Memory};
 use crate::scalar::{Real, Scalar};
 
@@ -384,6 +385,12 @@ impl<T: Real, M: Memory<T>, const TICKS: usize, const PAST: usize> FollowerState
     /// [`TrackingState::set_adapting`].
     pub fn set_adapting(&mut self, adapting: Adapting) {
         self.compensator.set_adapting(adapting);
+    }
+
+    /// [`TrackingState::restore`].
+    #[allow(clippy::missing_errors_doc)] // as there
+    pub fn restore(&mut self, adapted: &Adapted<T>) -> Result<(), ControlError> {
+        self.compensator.restore(adapted)
     }
 
     /// [`TrackingState::forget_changes`].

@@ -236,6 +236,17 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         self.adaptation.adapted(self.observer.force_scale())
     }
 
+    /// Uses what was learned of the film before, and [holds](Adapting::Hold) it: after a restart. For a film at rest.
+    ///
+    /// # Errors
+    ///
+    /// As [`Adapted::check`], for a bias that is not finite; then nothing changes.
+    pub fn restore(&mut self, adapted: &Adapted<T>) -> Result<(), ControlError> {
+        adapted.check(f64::MAX)?;
+        self.adaptation.restore::<M>(adapted);
+        Ok(())
+    }
+
     /// [`Adapted::ageing`].
     #[must_use]
     #[inline]

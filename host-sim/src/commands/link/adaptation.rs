@@ -36,6 +36,8 @@ enum Order {
     Off,
     /// Forget what was learned, and learn anew.
     Forget,
+    /// Store what was learned with the board's parameters: in use, and held, from the next start on. While the amplifier is off.
+    Keep,
 }
 
 #[derive(Serialize)]
@@ -71,6 +73,7 @@ impl Adaptation {
                 Order::Hold => AdaptationOrder::Hold,
                 Order::Off => AdaptationOrder::Off,
                 Order::Forget => AdaptationOrder::Forget,
+                Order::Keep => AdaptationOrder::Keep,
             }))?;
         }
         let status = match client.ask(Command::Adaptation)? {

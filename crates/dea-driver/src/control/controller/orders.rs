@@ -1,6 +1,6 @@
 //! Requests between two ticks.
 
-use springpot::Adapting;
+use springpot::{Adapted, Adapting};
 
 use crate::control::setpoint::{Ramp, SetpointError};
 use crate::control::{AdaptationOrder, AdaptationStatus, Controller, LearningOrder, Mode};
@@ -162,7 +162,14 @@ impl<M: ControllerMemory> Controller<M> {
             AdaptationOrder::Hold => self.course.set_adapting(Adapting::Hold),
             AdaptationOrder::Off => self.course.set_adapting(Adapting::Off),
             AdaptationOrder::Forget => self.course.forget_changes(),
+            AdaptationOrder::Keep => self.parameters.adapted = self.learned(),
         }
+    }
+
+    /// The changes that are in use; none for the law as it was fitted.
+    fn learned(&self) -> Option<Adapted<f32>> {
+        let course = self.course.compensator();
+        (course.adapting() != Adapting::Off && course.is_adapted()).then(|| course.adapted())
     }
 
     /// How far the film has moved from its law, as far as that was learned.

@@ -14,6 +14,11 @@ const USUAL_SIZES: [u8; 3] = [12, 12, 24];
 const STATES_SIZES: u8 = 1;
 /// Set there where the contents end with the voltage above which a self-test is needed. Firmware that does not know it refuses the blob.
 const STATES_SELF_TEST: u8 = 2;
+/// Set where what was learned of the film follows, which is last.
+const STATES_ADAPTED: u8 = 4;
+
+/// Its seven numbers, bytes.
+const ADAPTED_LEN: usize = 28;
 
 /// The header of a blob: the bytes before its contents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,6 +94,11 @@ impl<M: ControllerMemory> Parameters<M> {
             body.get_mut(written..written + above_v.len()).ok_or(BlobError::TooLong)?.copy_from_slice(&above_v);
             (written, flags) = (written + above_v.len(), flags | STATES_SELF_TEST);
         }
+        if let Some(adapted) = &self.adapted {
+            let room = body.get_mut(written..).ok_or(BlobError::TooLong)?;
+            written += postcard::to_slice(adapted, room).map_err(|_| BlobError::TooLong)?.len();
+            flags |= STATES_ADAPTED;
+        }
         let length = u16::try_from(written).map_err(|_| BlobError::TooLong)?;
         let schema = if M::has_spring(&self.law) { SCHEMA } else { SCHEMA_WITHOUT_SPRING };
         let schema = schema | u16::from(flags) << 8;
@@ -130,7 +140,7 @@ impl<M: ControllerMemory> Blob<M> {
         // The bytes are as they were written.
         let [schema, flags] = header.schema.to_le_bytes();
         if !(SCHEMA_WITHOUT_SPRING..=SCHEMA).contains(&u16::from(schema))
-            || flags & !(STATES_SIZES | STATES_SELF_TEST) != 0
+            || flags & !(STATES_SIZES | STATES_SELF_TEST | STATES_ADAPTED) != 0
         {
             return Err(BlobError::Schema { found: header.schema });
         }
@@ -147,6 +157,12 @@ impl<M: ControllerMemory> Blob<M> {
         if found != expected {
             return Err(BlobError::LawSizes { found, expected });
         }
+        let (contents, adapted) = if flags & STATES_ADAPTED == 0 {
+            (contents, None)
+        } else {
+            let (contents, adapted) = contents.split_last_chunk::<ADAPTED_LEN>().ok_or(BlobError::Contents)?;
+            (contents, Some(postcard::from_bytes(adapted).map_err(|_| BlobError::Contents)?))
+        };
         let (contents, above_v) = if flags & STATES_SELF_TEST == 0 {
             (contents, Parameters::<M>::NO_SELF_TEST_V)
         } else {
@@ -156,6 +172,7 @@ impl<M: ControllerMemory> Blob<M> {
         match postcard::take_from_bytes::<Parameters<M>>(contents) {
             Ok((mut parameters, [])) => {
                 parameters.self_test_above_v = above_v;
+                parameters.adapted = adapted;
                 Ok(Self { checksum: Some(checksum), ..Self::with_converters(parameters, converters)? })
             }
             _ => Err(BlobError::Contents),
