@@ -3,6 +3,7 @@
 //! | room | what it does |
 //! | --- | --- |
 //! | [`commands`] | the command line, one file per command |
+//! | [`bench`] | a board as a page and a terminal see it |
 //! | [`report`] | figures and HTML pages |
 //! | [`host_models`] | what the tool computes: replay, fits, studies, simulated films and closed loops |
 //! | [`host_emit`] | the law of a film in C |
@@ -12,6 +13,7 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+pub mod bench;
 pub mod commands;
 pub mod report;
 

@@ -1,6 +1,8 @@
 //! `springpot link` against a board that runs in this process.
 
 mod commission;
+mod control;
+mod page;
 mod playing;
 mod self_test;
 #[cfg(target_os = "linux")]

@@ -138,6 +138,17 @@ impl VirtualBoard {
         self.wait_for(|shown| is_reached(shown.voltage))
     }
 
+    /// Waits until the enable output is low, and returns when it fell.
+    pub fn wait_for_disabled(&self) -> Option<Instant> {
+        self.wait_for(|shown| !shown.enabled);
+        self.shown.now().fell
+    }
+
+    /// Waits until it is high.
+    pub fn wait_for_enabled(&self) {
+        self.wait_for(|shown| shown.enabled);
+    }
+
     fn wait_for(&self, is_there: impl Fn(&Ticks) -> bool) -> (f32, f32) {
         let changed = self.shown.changed.wait_timeout_while(self.shown.now(), DEADLINE, |shown| !is_there(shown));
         let (shown, timeout) = changed.expect("not poisoned");
@@ -152,6 +163,9 @@ struct Ticks {
     ticks: u32,
     /// Largest voltage command so far, and the present one, V.
     voltage: (f32, f32),
+    /// Whether the enable output is high, and when it fell last.
+    enabled: bool,
+    fell: Option<Instant>,
 }
 
 /// The same for other threads, which wait for a change.
@@ -262,7 +276,8 @@ fn run(
             }
             let command_v = bench.device.status().command_v;
             let mut now = shown.now();
-            *now = Ticks { ticks, voltage: (now.voltage.0.max(command_v), command_v) };
+            let fell = if now.enabled && !drive.enable { Some(Instant::now()) } else { now.fell };
+            *now = Ticks { ticks, voltage: (now.voltage.0.max(command_v), command_v), enabled: drive.enable, fell };
             shown.changed.notify_all();
         }
         if bench.starved {

@@ -1,25 +1,32 @@
 //! `commission`: from an unknown film to one that follows, with a record; and `verify`, which checks a record.
 
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
-use clap::Args;
+use clap::{Args, Parser};
+use dea_driver::wire::Identity;
 use serde::Serialize;
 
 use super::choice::named;
 use super::link::LinkedBench;
 use super::{Verdict, with_flags};
+use crate::bench::session::Watched;
+use crate::bench::web::Sittings;
 use crate::choice::Choice;
+use crate::commission::bench::Pilot;
 use crate::commission::simulated::{Fault, FaultKind, SimulatedBench};
-use crate::commission::{self, Bench, Finding, Plan, Report, Step};
+use crate::commission::{self, Bench, Check, Finding, Mode, Plan, Report, Step};
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folder, Folders};
 use crate::files::parameters::Parameters;
 use crate::files::seal;
 use crate::fit::report::Origin;
 use crate::interrupt;
-use crate::progress::Progress;
+use crate::link::{Client, Port};
+use crate::progress::{Progress, Stage};
 use crate::quantity::{self, at_most, positive};
 use crate::report::numbers::Document;
 use crate::report::{origin, record_page};
@@ -189,21 +196,13 @@ impl Arguments {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     let plan = arguments.plan()?;
-    let provisional = commission::provisional(&plan)?;
-    let (record, page) = (arguments.out.join(RECORD), arguments.out.join(PAGE));
-    for file in [&record, &page] {
-        output::check(file, &[Path::new(&arguments.board)], Folders::AreMade)?;
-    }
-    if record.exists() && plan.steps == [Step::SelfTest, Step::Verify] {
-        let cause =
-            "the record of another sitting; begin in another folder, or go on in this one with a later step (`from`)";
-        return Err(Error::file(&record, cause));
-    }
-    // Removed again if it stays empty.
-    let _folder = Folder::at(&arguments.out)?;
+    let _folder = arguments.check(&plan)?;
     let film = Film::new(arguments.bench.plant.unwrap_or(film::Plant::Hossain));
-    let mut bench: Box<dyn Bench + '_> = match &arguments.bench.port {
-        Some(port) => Box::new(LinkedBench::at(port)?),
+    // From here on Ctrl-C comes to an end at 0 V.
+    let stop = interrupt::live_film();
+    let mut connected = arguments.bench.port.as_ref().map(|port| Client::new(Port::open(port)?)).transpose()?;
+    let mut bench: Box<dyn Bench + '_> = match &mut connected {
+        Some((client, identity)) => Box::new(LinkedBench::new(client, identity, stop)),
         None => {
             const SUBSTEP_S: f64 = 5e-4;
             let plant = Box::new(NonlinearPlant::at_rest(&film, SUBSTEP_S));
@@ -211,41 +210,154 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
             Box::new(SimulatedBench::new(
                 plant,
                 SUBSTEP_S,
-                &provisional,
+                &commission::provisional(&plan)?,
                 Instruments::default(),
                 faults,
                 arguments.seed,
             )?)
         }
     };
-    // Steps that do not end leave no record, not even that of the steps before them.
-    for old in [&record, &page].into_iter().filter(|old| old.exists()) {
-        std::fs::remove_file(old).map_err(|e| Error::file(old, e))?;
-    }
-    // From here on Ctrl-C comes to an end at 0 V.
-    let stop = interrupt::live_film();
     let bar = Progress::unknown("commission");
-    let report = commission::commission(bench.as_mut(), &plan, &arguments.out, stop, &|stage| bar.enter(stage));
+    let made = arguments.sitting(&plan, bench.as_mut(), stop, &|stage| bar.enter(stage));
     bar.finish_and_clear();
-    let mut report = report?;
-    for finding in &mut report.findings {
-        finding.measured = with_flags(&finding.measured);
-    }
-    let made = Record {
-        record: "commissioning",
-        made: origin::now(),
-        entries: arguments.entry.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect(),
-        report: &report,
-    };
-    let document = Document::from_report(&made)?;
-    let html = record_page::html(&report, &made.entries, &made.made, &document);
-    output::write_whole(&page, |file| file.write_all(html.as_bytes()))?;
-    let mut files = report.files.clone();
-    files.push(page);
-    files.dedup();
-    seal::write(&record, &made, &files)?;
-    terminal::report(json, &made, || text(&report, &record))?;
+    let report = made?;
+    let record = arguments.out.join(RECORD);
+    terminal::report(json, &arguments.record(&report), || text(&report, &record))?;
     Ok(if report.verdict.passed { Verdict::Yes } else { Verdict::No })
+}
+
+impl Arguments {
+    /// Checks that the record of `plan` can be written, before anything is driven; makes its folder, which is removed again if it stays empty.
+    fn check(&self, plan: &Plan) -> Result<Folder> {
+        commission::provisional(plan)?;
+        let record = self.out.join(RECORD);
+        for file in [&record, &self.out.join(PAGE)] {
+            output::check(file, &[Path::new(&self.board)], Folders::AreMade)?;
+        }
+        if record.exists() && plan.steps == [Step::SelfTest, Step::Verify] {
+            let cause = "the record of another sitting; begin in another folder, or go on in this one with a later step (`from`)";
+            return Err(Error::file(&record, cause));
+        }
+        Folder::at(&self.out)
+    }
+
+    fn record<'a>(&'a self, report: &'a Report) -> Record<'a> {
+        Record {
+            record: "commissioning",
+            made: origin::now(),
+            entries: self.entry.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect(),
+            report,
+        }
+    }
+
+    /// Commissions the film on `bench`, and writes its record.
+    fn sitting(
+        &self,
+        plan: &Plan,
+        bench: &mut dyn Bench,
+        stop: &AtomicBool,
+        progress: &dyn Fn(&Stage),
+    ) -> Result<Report> {
+        let (record, page) = (self.out.join(RECORD), self.out.join(PAGE));
+        // Steps that do not end leave no record, not even that of the steps before them.
+        for old in [&record, &page].into_iter().filter(|old| old.exists()) {
+            std::fs::remove_file(old).map_err(|e| Error::file(old, e))?;
+        }
+        let mut report = commission::commission(bench, plan, &self.out, stop, progress)?;
+        for finding in &mut report.findings {
+            finding.measured = with_flags(&finding.measured);
+        }
+        let made = self.record(&report);
+        let document = Document::from_report(&made)?;
+        let html = record_page::html(&report, &made.entries, &made.made, &document);
+        output::write_whole(&page, |file| file.write_all(html.as_bytes()))?;
+        let mut files = report.files.clone();
+        files.push(page);
+        files.dedup();
+        seal::write(&record, &made, &files)?;
+        Ok(report)
+    }
+}
+
+/// The command as a page has it, with its defaults.
+#[derive(Debug, Parser)]
+struct OfAPage {
+    #[command(flatten)]
+    arguments: Arguments,
+}
+
+/// Makes sittings for a page, at the bench that the file `board` describes; their records are in folders of `out`.
+pub(super) fn sittings(board: &str, out: &Path) -> Result<Sittings> {
+    let board = board.to_owned();
+    let line = move |out: &Path| {
+        let fixed = ["commission", "--port", "the session's", "--board", &board, "--out"].map(OsString::from);
+        fixed.into_iter().chain([out.as_os_str().to_owned()]).collect::<Vec<_>>()
+    };
+    let arguments = |line: Vec<OsString>| -> Result<Arguments> {
+        let refused = |e: clap::Error| Error::Usage(e.to_string().lines().next().unwrap_or_default().into());
+        Ok(OfAPage::try_parse_from(line).map_err(refused)?.arguments)
+    };
+    // What is wrong with the file shows before the page opens.
+    arguments(line(out))?.plan()?;
+    let out = out.to_owned();
+    Ok(Box::new(move |folder, gauge, serial| {
+        let out = out.join(folder);
+        let mut line = line(&out);
+        if !gauge.is_empty() {
+            line.push(format!("--gauge={gauge}").into());
+        }
+        if !serial.is_empty() {
+            line.push(format!("--entry=serial={serial}").into());
+        }
+        let arguments = arguments(line)?;
+        let plan = arguments.plan()?;
+        Ok(Box::new(move |client: &mut Client, identity: &Identity, watched: &Watched<'_>| {
+            let folder = arguments.check(&plan)?;
+            let mut bench = Shown { bench: LinkedBench::new(client, identity, watched.stop()), watched };
+            let report = arguments.sitting(&plan, &mut bench, watched.stop(), &|stage| watched.step(&stage.what))?;
+            drop(folder);
+            Ok(format!("{} {}", report.verdict.sentence, report.verdict.next))
+        }))
+    }))
+}
+
+/// A bench whose rows a page shows.
+struct Shown<'a> {
+    bench: LinkedBench<'a>,
+    watched: &'a Watched<'a>,
+}
+
+impl Bench for Shown<'_> {
+    fn name(&self) -> String {
+        self.bench.name()
+    }
+
+    fn firmware(&self) -> String {
+        self.bench.firmware()
+    }
+
+    fn self_test(&mut self) -> Result<Vec<Check>> {
+        self.bench.self_test()
+    }
+
+    fn install(&mut self, parameters: &Parameters, keep: bool) -> Result<u32> {
+        self.bench.install(parameters, keep)
+    }
+
+    fn restore(&mut self) -> Result<()> {
+        self.bench.restore()
+    }
+
+    fn run(&mut self, mode: Mode, pilot: &mut Pilot<'_>) -> Result<Option<String>> {
+        self.bench.run(mode, &mut |row| {
+            self.watched.row(row);
+            pilot(row)
+        })
+    }
+
+    fn gauge(&mut self, displacement_m: f64) -> Option<f64> {
+        self.bench.gauge(displacement_m)
+    }
 }
 
 fn text(report: &Report, record: &Path) -> String {

@@ -15,7 +15,7 @@ use springpot::{Actuator, CommandLimits, Topology};
 use self::firmware::Firmware;
 use super::fit::{Done, Job};
 use super::recordings::RecordingOptions;
-use super::{feedforward as feedforward_command, options, replay};
+use super::{bench, feedforward as feedforward_command, options, replay};
 use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folder, Folders, Staged};
@@ -52,6 +52,9 @@ pub(super) struct Arguments {
     /// File with the table `[actuator]` of that film; the paper's if left out.
     #[arg(long, value_name = "F.toml", requires = "recordings")]
     actuator: Option<String>,
+    /// At the end, open the page of a bench with the simulated film, which follows the sine there; Ctrl-C ends it.
+    #[arg(long, conflicts_with = "recordings")]
+    bench: bool,
 }
 
 /// The film of the simulated recordings, and of the closed loops after their fit.
@@ -160,7 +163,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     staged.into_iter().try_for_each(Staged::commit)?;
     // The page shows them all. Of a user's own film they matter at once.
     terminal::warnings(json, report.fit.warnings.iter().filter(|_| !report.simulated));
-    terminal::report(json, &report, || table::text(&report))
+    terminal::report(json, &report, || table::text(&report))?;
+    if arguments.bench && !report.interrupted {
+        return bench::run(&bench::simulated(PLANT, &files.parameters, &files.reference, &arguments.out), json);
+    }
+    Ok(())
 }
 
 /// How a film follows with each of the [`CONTROLLERS`], in a sentence.

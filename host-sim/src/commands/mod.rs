@@ -1,6 +1,7 @@
 //! The command line: one file per command.
 
 mod amplifier;
+mod bench;
 mod check;
 mod choice;
 mod closed_loop;
@@ -103,6 +104,10 @@ commands! {
     Commission(commission::Arguments, commission::run),
     /// Show whether a record of commissioning and its files are as they were sealed. Exit status 1 if it does not pass.
     Verify(commission::VerifyArguments, commission::verify),
+    /// Open a page on this computer that shows a bench live: arm, play, tune, commission, and a stop button.
+    Bench(bench::Arguments, bench::run),
+    /// Show a bench that runs in the terminal, and stop it with the space bar.
+    Monitor(bench::MonitorArguments, bench::monitor),
     /// Turn files of other programs (text, .xlsx, .mat) into recordings, and report how they were read.
     Import(import::Arguments, import::run),
     /// Report whether recordings identify a film, and what to record instead. Exit status 1 if they do not.

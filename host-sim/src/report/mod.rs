@@ -16,5 +16,6 @@ pub mod origin;
 pub mod page;
 pub mod record_page;
 pub mod response_figure;
+pub mod run_page;
 pub mod study_page;
 pub mod tracking_figure;

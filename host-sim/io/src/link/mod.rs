@@ -1,6 +1,7 @@
 //! The host's side of the link to a controller.
 
 mod emulator;
+mod log;
 mod port;
 
 use std::collections::VecDeque;
@@ -13,6 +14,7 @@ use dea_driver::wire::{
 use dea_driver::{Cause, DriverState, Refusal, SCHEMA};
 
 pub use emulator::Emulator;
+pub use log::Log;
 pub use port::Port;
 
 use crate::error::{Error, Result};
@@ -36,6 +38,23 @@ pub struct Client {
     samples: VecDeque<Telemetry>,
     /// Bytes since the last message.
     noise: Noise,
+}
+
+/// Disarms whatever a [`Client`] is at, from another thread. To the client it is a run that another program ended.
+pub struct Stopper {
+    writer: port::Writer,
+    frame: Vec<u8>,
+}
+
+impl Stopper {
+    /// Sends the request. Its answer is not waited for: the client shows whether it was obeyed.
+    ///
+    /// # Errors
+    ///
+    /// That of a line that is cut.
+    pub fn disarm(&mut self) -> std::io::Result<()> {
+        self.writer.write(&self.frame)
+    }
 }
 
 /// Bytes that are no message: of another device, at another baud rate, or of other firmware.
@@ -110,6 +129,11 @@ impl Client {
         &mut self.port
     }
 
+    /// Name of its port.
+    pub fn port_name(&self) -> &str {
+        self.port.name()
+    }
+
     /// Sends a command and waits for its answer, for as long as the port's [`patience`](Port::patience).
     ///
     /// A request that may be obeyed twice is sent again if no answer comes: a board that is just starting does not receive the
@@ -164,6 +188,20 @@ impl Client {
                 }));
             }
         }
+    }
+
+    /// Another way to end a run: past everything that this conversation waits for.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Link`] where the system gives the line no second writer.
+    pub fn stopper(&self) -> Result<Stopper> {
+        let mut frame = [0; FRAME_LEN + 1];
+        let request = Request { sequence: 0, token: 0, command: Command::Disarm };
+        let length = encode(&request, &mut frame).map_err(|e| self.fault(format!("{e:?}")))?;
+        // What of another frame comes before it ends with the 0.
+        let writer = self.port.writer().map_err(|e| self.fault(e.to_string()))?;
+        Ok(Stopper { writer, frame: [&[0], &frame[..length]].concat() })
     }
 
     fn send(&mut self, request: &Request) -> Result<()> {

@@ -70,6 +70,25 @@ enum Line {
     Tcp(TcpStream),
 }
 
+impl Line {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        match self {
+            Self::Serial(port) => port.write_all(bytes),
+            Self::Tcp(stream) => stream.write_all(bytes),
+        }
+    }
+}
+
+/// The end of a [`Port`] that writes.
+pub(super) struct Writer(Line);
+
+impl Writer {
+    /// Sends `bytes`.
+    pub(super) fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.write(bytes)
+    }
+}
+
 impl fmt::Debug for Port {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_tuple("Port").field(&self.name).finish()
@@ -124,6 +143,14 @@ impl Port {
         Self { name: name.into(), line, patience, timeout, buffer, next: 0, credit, read_at }
     }
 
+    /// The same line for another thread, which only writes.
+    pub(super) fn writer(&self) -> io::Result<Writer> {
+        Ok(Writer(match &self.line {
+            Line::Serial(port) => Line::Serial(port.try_clone()?),
+            Line::Tcp(stream) => Line::Tcp(stream.try_clone()?),
+        }))
+    }
+
     /// Its name.
     pub fn name(&self) -> &str {
         &self.name
@@ -140,11 +167,7 @@ impl Port {
     ///
     /// [`Error::Link`] for a line that is cut, or a peer that takes nothing for as long as an answer may take.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        let written = match &mut self.line {
-            Line::Serial(port) => port.write_all(bytes),
-            Line::Tcp(stream) => stream.write_all(bytes),
-        };
-        written.map_err(|e| self.cut(&e))
+        self.line.write(bytes).map_err(|e| self.cut(&e))
     }
 
     /// The next byte; nothing if none comes before `deadline`. Bytes that have come already are given after it as well.

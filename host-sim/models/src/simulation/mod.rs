@@ -1,6 +1,7 @@
 //! Closed loops without high voltage: a simulated nonlinear film with its instruments, the model of a parameter file as a plant,
 //! controllers that make it follow a reference, and the firmware in the loop.
 
+pub mod board;
 pub mod closed_loop;
 pub mod controllers;
 pub mod film;

@@ -12,8 +12,7 @@ use super::self_test::SelfTest;
 use crate::commission::bench::{Bench, Check, Mode, Pilot, ROWS_HZ, Row};
 use crate::error::{Error, Result, short};
 use crate::files::parameters::{Parameters, as_written};
-use crate::interrupt;
-use crate::link::{Client, Port, named};
+use crate::link::{Client, named};
 
 /// Ticks per second.
 const RATE_HZ: f64 = 1000.0;
@@ -21,17 +20,17 @@ const RATE_HZ: f64 = 1000.0;
 const SILENT: Duration = Duration::from_secs(2);
 
 /// A controller at a port.
-pub(in crate::commands) struct LinkedBench {
-    client: Client,
-    identity: Identity,
-    port: String,
+pub(in crate::commands) struct LinkedBench<'a> {
+    client: &'a mut Client,
+    identity: &'a Identity,
+    stop: &'a AtomicBool,
     begun: Instant,
 }
 
-impl LinkedBench {
-    pub(in crate::commands) fn at(port: &str) -> Result<Self> {
-        let (client, identity) = Client::new(Port::open(port)?)?;
-        Ok(Self { client, identity, port: port.into(), begun: Instant::now() })
+impl<'a> LinkedBench<'a> {
+    /// The controller of a `client`, whose self-test ends once `stop` is set.
+    pub(in crate::commands) fn new(client: &'a mut Client, identity: &'a Identity, stop: &'a AtomicBool) -> Self {
+        Self { client, identity, stop, begun: Instant::now() }
     }
 
     /// Samples to the `pilot`, and its targets to the controller, until one of them ends it.
@@ -67,9 +66,9 @@ impl LinkedBench {
     }
 }
 
-impl Bench for LinkedBench {
+impl Bench for LinkedBench<'_> {
     fn name(&self) -> String {
-        self.port.clone()
+        self.client.port_name().into()
     }
 
     fn firmware(&self) -> String {
@@ -77,7 +76,7 @@ impl Bench for LinkedBench {
     }
 
     fn self_test(&mut self) -> Result<Vec<Check>> {
-        SelfTest::USUAL.checks(&mut self.client, &self.identity, interrupt::live_film())
+        SelfTest::USUAL.checks(self.client, self.identity, self.stop)
     }
 
     fn install(&mut self, parameters: &Parameters, keep: bool) -> Result<u32> {
@@ -88,7 +87,7 @@ impl Bench for LinkedBench {
         self.client.upload(&blob, keep)?;
         self.client.expect_parameters(checksum)?;
         // It is armed once it has seen its instruments for some ticks.
-        some_ticks(&mut self.client, &AtomicBool::new(false))?;
+        some_ticks(self.client, &AtomicBool::new(false))?;
         Ok(checksum)
     }
 
@@ -107,7 +106,7 @@ impl Bench for LinkedBench {
             .and_then(|()| self.talk(mode, pilot));
         // Before it is disarmed: a trip is a finding, and any other error ends the sitting.
         let state = self.client.status().map(|status| status.state);
-        let ended = live::disarm(&mut self.client);
+        let ended = live::disarm(self.client);
         let quiet = self.client.order(Command::Stream { every: 0 });
         match state? {
             DriverState::Tripped(Cause::LiveFilm) => ended.and(started).map(|()| None),

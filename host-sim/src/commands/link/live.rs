@@ -11,22 +11,19 @@ use serde::Serialize;
 
 use super::board_time::BoardTime;
 use super::{Source, What, digits, parameters_of};
+use crate::bench::reference;
+use crate::bench::session::SENT_HZ;
 use crate::commands::recordings::{self, RecordingOptions};
 use crate::error::{Error, Result, shown};
-use crate::files::journal::{Journal, Recovered};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::as_written;
 use crate::files::recording::{Input, Recording};
-use crate::grid::Grid;
 use crate::interrupt;
-use crate::link::{Client, named};
+use crate::link::{Client, Log, named};
 use crate::progress::Progress;
 use crate::quantity;
-use crate::references;
 use crate::terminal;
 
-/// Values per second that are sent while playing: five for every heartbeat that the shortest sensible limit asks for.
-const SENT_HZ: f64 = 100.0;
 /// Every so many of them the state is asked for.
 const STATUS_EVERY: u32 = 10;
 /// No board gives a film more time to discharge.
@@ -100,7 +97,7 @@ impl Stream {
 
     pub(super) fn run(&self, mut client: Client, json: bool) -> Result<()> {
         let stop = interrupt::stop_flag();
-        let mut log = Log::begin(&mut client, self)?;
+        let mut log = Log::begin(&mut client, &self.out, self.every)?;
         // It only listens: the host that armed keeps the amplifier enabled.
         let ended = self.begin(&mut client).and_then(|()| self.talk(&mut client, &mut log, stop, |_, _| Ok(true)));
         self.finish(client, log, true, ended, json)
@@ -124,7 +121,7 @@ impl Stream {
         let mut time = BoardTime::new(log.rate_hz, self.every);
         let mut next = Duration::ZERO;
         while !stop.load(Ordering::Relaxed) {
-            log.journal.flush_if_due()?;
+            log.flush_if_due()?;
             // What has come, until the next value is due.
             let mut newest = None;
             while let Some(sample) = client.sample(start + next)? {
@@ -162,8 +159,8 @@ impl Stream {
         let parameters = parameters_of(&mut client);
         // What came while something else was waited for.
         let rest = client.waiting_samples().iter().try_for_each(|sample| log.push(sample));
-        let Log { samples, dropped, journal, .. } = log;
-        let written = rest.and(if begun && samples > 0 { journal.finish() } else { journal.discard() });
+        let (samples, dropped) = (log.samples, log.dropped);
+        let written = rest.and(log.end(begun));
         ended?;
         written?;
         let (parameters, checksum) = parameters?.unzip();
@@ -198,7 +195,7 @@ impl Play {
     pub(super) fn check(&self) -> Result<Option<Vec<u8>>> {
         let recording = self.read()?;
         recordings::report(&recording);
-        self.values(&recording)?;
+        reference::values(self.mode.into(), &recording)?;
         if self.mode == What::Voltage && has_both_signs(&recording) {
             terminal::information(format!(
                 "{}: the voltage has both signs; its magnitude is played",
@@ -211,24 +208,7 @@ impl Play {
     }
 
     fn read(&self) -> Result<Recording> {
-        match self.mode {
-            What::Voltage => Recording::read_with(&self.recording, &self.reading.hints()),
-            What::Feedforward | What::Tracking => Recording::read_reference(&self.recording, &self.reading.hints()),
-        }
-    }
-
-    /// Values of `recording` to play, `SENT_HZ` a second.
-    fn values(&self, recording: &Recording) -> Result<Vec<f32>> {
-        if self.mode != What::Voltage {
-            let (reference, _) = references::on_grid(recording, SENT_HZ)?;
-            return Ok(reference.into_iter().map(|metres| metres as f32).collect());
-        }
-        let Input::Voltage(voltage) = recording.drive()? else {
-            return Err(Error::file(&self.recording, "a column voltage_v or voltage_kv is needed"));
-        };
-        let volts = Grid::covering(recording.duration_s(), SENT_HZ)?.resample(&voltage);
-        // The film feels the square of a voltage: a monitor's noise about 0 V, or a bipolar drive, pulls either way.
-        Ok(volts.into_iter().map(|volts| volts.abs() as f32).collect())
+        reference::read(self.mode.into(), &self.recording, &self.reading.hints())
     }
 
     fn set(&self, value: f32) -> Command {
@@ -244,8 +224,8 @@ impl Play {
         }
         // Before anything is enabled: from here on Ctrl-C comes to an end at 0 V.
         let stop = interrupt::live_film();
-        let values = self.values(&self.read()?)?;
-        let mut log = Log::begin(&mut client, &self.stream)?;
+        let values = reference::values(self.mode.into(), &self.read()?)?;
+        let mut log = Log::begin(&mut client, &self.stream.out, self.stream.every)?;
         let armed = self.arm(&mut client, &values);
         if armed.is_err() {
             // What another host has armed is its own.
@@ -348,63 +328,3 @@ pub(super) fn disarm(client: &mut Client) -> Result<()> {
         std::thread::sleep(Duration::from_millis(10));
     }
 }
-
-/// Samples, written as they arrive.
-struct Log {
-    /// Ticks per second.
-    rate_hz: f64,
-    /// Ticks from one sample to the next.
-    every: u32,
-    first: Option<u32>,
-    last: Option<u32>,
-    samples: usize,
-    /// Samples that the board had no room for, or that were damaged on the line.
-    dropped: u64,
-    journal: Journal,
-}
-
-impl Log {
-    /// An empty log of the controller as it ticks now.
-    fn begin(client: &mut Client, stream: &Stream) -> Result<Self> {
-        let out = &stream.out;
-        let names: Vec<&str> = COLUMNS.iter().map(|(name, _)| *name).collect();
-        let columns = [&["time_s"], names.as_slice()].concat();
-        let (journal, recovered) = Journal::begin(out, &columns)?;
-        if let Some(Recovered { path, rows }) = recovered {
-            let (out, path) = (shown(out), shown(&path));
-            terminal::message(format!("an earlier run for {out} was killed: its {rows} samples are kept in {path}"));
-        }
-        // Without parameters there are no ticks, so no samples either.
-        let rate_hz = Some(f64::from(client.status()?.rate_hz)).filter(|&rate_hz| rate_hz > 0.0).unwrap_or(1000.0);
-        Ok(Self { rate_hz, every: u32::from(stream.every), first: None, last: None, samples: 0, dropped: 0, journal })
-    }
-
-    fn push(&mut self, sample: &Telemetry) -> Result<()> {
-        let first = *self.first.get_or_insert(sample.tick);
-        let time_s = f64::from(sample.tick.wrapping_sub(first)) / self.rate_hz;
-        let row: Vec<f64> = [time_s].into_iter().chain(COLUMNS.iter().map(|(_, value)| value(sample))).collect();
-        self.samples += 1;
-        if let Some(last) = self.last.replace(sample.tick) {
-            self.dropped += u64::from((sample.tick.wrapping_sub(last) / self.every).saturating_sub(1));
-        }
-        self.journal.push(&row)
-    }
-}
-
-/// A column's name, and what a sample has in it.
-type Column = (&'static str, fn(&Telemetry) -> f64);
-
-/// Behind the time.
-const COLUMNS: [Column; 11] = [
-    ("tick", |sample| f64::from(sample.tick)),
-    ("command_v", |sample| as_written(sample.command_v)),
-    ("voltage_v", |sample| as_written(sample.monitor_v)),
-    ("displacement_m", |sample| as_written(sample.displacement_m)),
-    ("predicted_m", |sample| as_written(sample.predicted_m)),
-    ("reference_m", |sample| as_written(sample.reference_m)),
-    ("disturbance_n", |sample| as_written(sample.disturbance_n)),
-    ("force_scale", |sample| as_written(sample.force_scale)),
-    ("innovation_m", |sample| as_written(sample.innovation_m)),
-    ("learned_m", |sample| as_written(sample.learned_m)),
-    ("limited", |sample| f64::from(sample.limited)),
-];

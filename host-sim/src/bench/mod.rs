@@ -1,0 +1,7 @@
+//! The bench as a page and as a terminal see it: the board, and everything that may move the film.
+
+pub mod control;
+pub mod reference;
+pub mod session;
+pub mod terminal;
+pub mod web;
