@@ -20,6 +20,8 @@ pub enum Part {
     Recordings,
     /// Commissioning of 300 sound films and 300 bad benches, of which `cargo xtask test` runs a sample, and 1 000 sittings that are ended. Hours.
     Commission,
+    /// The page of `bench`: a million forged requests, of which `cargo xtask test` sends 10 000, and 10 000 clicks on its stop button, with their times.
+    Bench,
     /// Each fuzzer for ten minutes: no panic, nothing obeyed that must not be.
     Fuzz,
     /// Mutants of the driver's source, each of which its tests should notice.
@@ -41,6 +43,7 @@ pub fn run(part: Option<Part>, sample: Option<usize>, only: Option<&str>) -> Res
         Part::Fits => models("random_fits").err(),
         Part::Recordings => models("bad_recordings").err(),
         Part::Commission => models("commission").err(),
+        Part::Bench => bench().err(),
         Part::Fuzz => fuzz().err(),
         Part::Mutants => mutants(sample, only).err(),
     });
@@ -64,6 +67,13 @@ fn driver() -> Result<()> {
 fn models(name: &str) -> Result<()> {
     let mut test = cargo("test --workspace --features tests/qemu --test it");
     test.args([name, "--", "--nocapture"]).env("SPRINGPOT_SWEEP", "full");
+    run_command(test)
+}
+
+/// The page, in this process.
+fn bench() -> Result<()> {
+    let mut test = cargo("test --workspace --features tests/qemu --test link_commands");
+    test.args(["page::no_forged", "page::every_click", "--", "--nocapture"]).env("SPRINGPOT_SWEEP", "full");
     run_command(test)
 }
 

@@ -2,13 +2,14 @@
 
 use std::env;
 use std::ffi::OsString;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
 use clap::ValueEnum;
 
-use crate::process::{Result, cargo, command, format, make, read, root, run as run_command};
+use crate::process::{Result, cargo, command, format, make, output, read, root, run as run_command};
 use crate::python::{environment, interpreter, pip};
 use crate::test::QEMU;
 use crate::{embedded, other_board, setup, windows};
@@ -26,6 +27,8 @@ pub enum Face {
     Octave,
     /// The FMU: schemas, states and equal bits with FMPy, in an environment of its own.
     Fmu,
+    /// The page of `springpot bench` in Chromium: looks, accessibility (axe-core), stops, every way to lose the page. Makes the book's pictures of it.
+    Browser,
     /// The Windows executable under Wine, beside the tool of this system. Only by its name.
     Windows,
 }
@@ -50,6 +53,7 @@ pub fn run(only: Option<Face>) -> Result<()> {
                 other_board::everywhere(&toolchain)?;
             }
             Face::Windows => windows::run()?,
+            Face::Browser => browser("200")?,
             Face::Python => python()?,
             Face::Octave => {
                 setup::octave()?;
@@ -65,6 +69,33 @@ pub fn run(only: Option<Face>) -> Result<()> {
                 run_command(tests)?;
             }
         }
+    }
+    Ok(())
+}
+
+/// The page of a bench in a browser, with so many stops whose time is measured.
+pub fn browser(clicks: &str) -> Result<()> {
+    let browser = setup::chromium()?;
+    let built = root().join("target").join("faces").join("browser");
+    // The package brings axe-core's own file; nothing of it is run but that, in the page.
+    let python = environment(&built)?;
+    run_command(pip(&python, "install", &["--no-deps", "axe-playwright-python==0.1.8"]))?;
+    let find = "import importlib.util, pathlib; print(next(pathlib.Path(importlib.util.find_spec('axe_playwright_python').origin).parent.rglob('axe.min.js')))";
+    let axe = output(command(&python, &["-c", find]))?;
+    run_command(cargo(&format!(
+        "build --quiet --workspace --bin host-sim-under-test --bin virtual-board-on-host {QEMU}"
+    )))?;
+    let programs = root().join("target").join("debug");
+    let mut test = command(&python, &["host-sim/tests/browser/bench.py", browser]);
+    let pictures = built.join("pictures");
+    test.args([programs.join("host-sim-under-test"), programs.join("virtual-board-on-host"), pictures.clone()])
+        .arg(clicks);
+    test.env("SPRINGPOT_AXE", axe.trim());
+    run_command(test)?;
+    // Those of the book.
+    for name in ["bench.webp", "bench-phone.webp"] {
+        let copied = fs::copy(pictures.join(name), root().join("docs").join(name));
+        copied.map_err(|error| format!("{name}: {error}"))?;
     }
     Ok(())
 }
