@@ -75,7 +75,7 @@ fn no_upload_exceeds_the_ceilings() {
 
 /// The longest silence of a host that parameters may allow, s. A host that is silent for as long as that has been stopped: no
 /// test that is about something else ends in a trip because this machine is busy with other work.
-const ANY_SILENCE_S: f32 = 10.0;
+pub const ANY_SILENCE_S: f32 = 10.0;
 /// The silence that ends in a trip where a test is about it, s. The board has been armed and started by then, in four exchanges
 /// which may take so long each.
 const SHORT_SILENCE_S: f32 = 3.0;
@@ -83,7 +83,7 @@ const SHORT_SILENCE_S: f32 = 3.0;
 const EVERY: u16 = 20;
 
 /// Parameters of the virtual bench, with the silence of the host that ends in a trip.
-fn blob(heartbeat_s: f32) -> Vec<u8> {
+pub fn blob(heartbeat_s: f32) -> Vec<u8> {
     let parameters = Parameters::preset("table3-n2").expect("a preset");
     let limits = dea_driver::Limits { heartbeat_s, ..bench_limits() };
     let sensor = dea_driver::chips::Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 };

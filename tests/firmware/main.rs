@@ -4,6 +4,7 @@
 
 mod bits;
 mod faults;
+mod page;
 mod readme;
 mod size;
 

@@ -10,7 +10,7 @@ use tests::virtual_board::Scene;
 use crate::{Linked, ctrl_c};
 
 /// A board file, and the same with a model.
-fn files(board: &Linked) {
+pub fn files(board: &Linked) {
     board.bench.json("reduce --params preset:table3-n1 --tolerance 1e-9 --out model.toml");
     let Limits { max_voltage_v, .. } = Limits::bench(160e-6);
     assert_eq!(max_voltage_v, 6000.0);

@@ -549,16 +549,29 @@ fn every_click_stops() {
     assert_eq!(desk.board.voltage().1, 0.0);
 }
 
-/// The tool itself at the board's port.
-fn tool(board: &VirtualBoard, folder: &Path) -> (Child, Address, String) {
-    let line = ["bench", "--port", &board.port, "--params", "preset:table3-n2", "--bench", "--out", "sitting", "-q"];
+/// The tool as a process, killed with this value.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // One that has ended is no error.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// The tool itself, with the arguments of `line`.
+fn tool(line: &str, folder: &Path) -> (Running, Address, String) {
     let mut command = Command::new(TOOL.0);
-    let child = command.args(line).current_dir(folder).stdout(Stdio::null()).spawn().expect("runs");
+    command.args(["bench", "--out", "sitting", "-q"]).args(line.split(' ')).current_dir(folder);
+    let child = Running(command.stdout(Stdio::null()).spawn().expect("runs"));
     let path = folder.join("sitting/bench.url");
     let end = Instant::now() + PATIENCE;
+    // One that was killed has left its own.
+    let is_open = |url: &str| url.split('/').nth(2).is_some_and(|host| TcpStream::connect(host).is_ok());
     let url = loop {
         match std::fs::read_to_string(&path) {
-            Ok(url) if url.contains('#') => break url,
+            Ok(url) if url.contains('#') && is_open(&url) => break url,
             _ => assert!(Instant::now() < end, "no address"),
         }
         thread::sleep(Duration::from_millis(5));
@@ -569,6 +582,29 @@ fn tool(board: &VirtualBoard, folder: &Path) -> (Child, Address, String) {
         assert_eq!(path.metadata().expect("there").permissions().mode() & 0o777, 0o600);
     }
     (child, url.parse().expect("an address"), url)
+}
+
+/// Waits for a state.
+fn seen(address: &Address, is_so: impl Fn(&Live) -> bool) -> Live {
+    let mut states = address.states().expect("a page");
+    let found = (0..2000).find_map(|_| states.next_state().ok().filter(&is_so));
+    found.expect("within 100 s")
+}
+
+/// The same with a page in sight.
+fn drawn(address: &Address, url: &str, page: &Value, is_so: impl Fn(&Live) -> bool) {
+    seen(address, |live| {
+        over_http(url, &json!({ "page": page, "ask": { "drew": { "at_ms": live.at_ms } } }));
+        is_so(live)
+    });
+}
+
+/// Takes control over HTTP, and shows that the page has drawn a state now; returns its token.
+fn over_control(address: &Address, url: &str) -> Value {
+    let page = over_http(url, &json!({ "ask": "control" }))["page"].clone();
+    let live = seen(address, |live| live.state == "disarmed" && !live.parameters.is_empty());
+    over_http(url, &json!({ "page": page, "ask": { "drew": { "at_ms": live.at_ms } } }));
+    page
 }
 
 /// Asks the tool over its port; returns the answer's body.
@@ -589,36 +625,27 @@ fn over_http(url: &str, ask: &Value) -> Value {
 fn the_tool_ends_at_0_v_however_it_ends() {
     let board = VirtualBoard::start(Scene::CALM);
     let folder = tempfile::TempDir::new().expect("a folder");
+    let line = format!("--port {} --params preset:table3-n2 --bench", board.port);
     for end in ["terminal", "ctrl-c", "killed"] {
-        let (mut child, address, url) = tool(&board, folder.path());
-        let state = |wanted: &str| {
-            let mut states = address.states().expect("a page");
-            (0..200).find_map(|_| states.next_state().ok().filter(|live| live.state == wanted))
-        };
-        assert!(state("disarmed").is_some());
-        let page = over_http(&url, &json!({ "ask": "control" }))["page"].clone();
-        let live = state("disarmed").expect("a state");
-        over_http(&url, &json!({ "page": page, "ask": { "drew": { "at_ms": live.at_ms } } }));
+        let (mut child, address, url) = tool(&line, folder.path());
+        let page = over_control(&address, &url);
         over_http(&url, &json!({ "page": page, "number": 1, "ask": "arm" }));
         board.wait_for_enabled();
         match end {
             "terminal" => {
                 address.stop().expect("a page");
                 board.wait_for_disabled();
-                assert!(
-                    state("disarmed")
-                        .is_some_and(|live| live.message.contains("terminal") || live.message.contains("seen"))
-                );
+                seen(&address, |live| live.state == "disarmed" && live.message.contains("from a terminal"));
                 let monitor =
                     TOOL.with(&["monitor", "sitting", "--once"]).current_dir(folder.path()).output().expect("runs");
                 names(&String::from_utf8_lossy(&monitor.stdout), &["DISARMED: off", "run-001.csv"]);
-                ctrl_c(&child);
+                ctrl_c(&child.0);
             }
-            "ctrl-c" => ctrl_c(&child),
-            _ => child.kill().expect("killed"),
+            "ctrl-c" => ctrl_c(&child.0),
+            _ => child.0.kill().expect("killed"),
         }
         board.wait_for_disabled();
-        let status = child.wait().expect("ends");
+        let status = child.0.wait().expect("ends");
         if end != "killed" {
             assert_eq!(status.code(), Some(130));
             assert!(!folder.path().join("sitting/bench.url").exists());
@@ -626,6 +653,47 @@ fn the_tool_ends_at_0_v_however_it_ends() {
     }
     assert!(folder.path().join("sitting/run-002.csv").exists());
     assert!(address_is_refused(folder.path()));
+}
+
+/// A simulated film needs no board; the page is for this computer alone.
+#[test]
+fn a_simulated_film_is_driven_from_the_page() {
+    let folder = tempfile::TempDir::new().expect("a folder");
+    let (mut child, address, url) = tool("--plant hossain --params preset:table3-n2", folder.path());
+    let page = over_control(&address, &url);
+    let arming = over_http(&url, &json!({ "page": page, "number": 1, "ask": "arm" }))["arming"].clone();
+    over_http(&url, &json!({ "page": page, "number": 2, "arming": arming, "ask": volts(3000.0, 60.0) }));
+    drawn(&address, &url, &page, |live| live.displacement_m.is_some_and(|metres| metres > 5e-5));
+    // From here on the page is missed.
+    seen(&address, |live| live.state == "disarmed" && live.message.contains("not seen"));
+    ctrl_c(&child.0);
+    assert_eq!(child.0.wait().expect("ends").code(), Some(130));
+    for elsewhere in ["0.0.0.0:0", "192.168.1.2:80", "[::]:0", "here"] {
+        let line = ["bench", "--plant", "hossain", "--listen", elsewhere];
+        let refused = TOOL.with(&line).current_dir(folder.path()).output().expect("runs");
+        assert_eq!(refused.status.code(), Some(2), "{elsewhere}");
+    }
+}
+
+/// Commissioning begins from the page with its step shown; a stop ends it at 0 V without a record.
+#[test]
+fn a_sitting_from_the_page_is_stopped() {
+    let board = crate::Linked::ready(Scene::CALM);
+    crate::commission::files(&board);
+    let folder = board.bench.path("");
+    let (mut child, address, url) = tool(&format!("--port {} --board b.toml", board.port), &folder);
+    let page = over_control(&address, &url);
+    let ask = json!({ "commission": { "gauge": "2mm:2.01mm", "serial": "A 17" } });
+    over_http(&url, &json!({ "page": page, "number": 1, "ask": ask }));
+    drawn(&address, &url, &page, |live| {
+        live.playing.contains("ramp") && live.monitor_v.is_some_and(|volts| volts > 250.0)
+    });
+    address.stop().expect("a page");
+    board.wait_for_disabled();
+    seen(&address, |live| live.state == "disarmed" && !live.live);
+    assert!(!folder.join("sitting/sitting-1/record.json").exists());
+    ctrl_c(&child.0);
+    assert_eq!(child.0.wait().expect("ends").code(), Some(130));
 }
 
 /// The address that a killed tool has left leads nowhere.

@@ -125,7 +125,7 @@ class Page:
     def click(self, element):
         """Clicks as a mouse does."""
         place = self.run(
-            f"(() => {{ const e = document.getElementById('{element}'); e.scrollIntoView({{block: 'center'}});"
+            f"(() => {{ const e = document.getElementById('{element}'); e.scrollIntoView({{block: 'center', behavior: 'instant'}});"
             " const r = e.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()"
         )
         for kind in ("mousePressed", "mouseReleased"):
