@@ -38,7 +38,7 @@ fn names(limited: Limited) -> Vec<&'static str> {
 
 /// The command of a tick: `voltage_v` (V) from now on. `reference_m` (m) is the shaped reference, `displacement_m` (m) the
 /// estimate of the film, `disturbance_n` (N) and `force_scale` what the sensor says of the model; None where the controller has none. `limited`
-/// names the limits that were met.
+/// names the limits that were met. `ageing` says how far the film has moved from its model, where Tracking `adapts`: fit again from 1 on.
 #[pyclass(frozen, get_all, name = "Tick", module = "springpot")]
 pub(crate) struct PyTick {
     /// The voltage, V.
@@ -51,6 +51,8 @@ pub(crate) struct PyTick {
     disturbance_n: Option<f64>,
     /// The estimated force scale; None without a sensor.
     force_scale: Option<f64>,
+    /// How far the film has moved from its model; None where Tracking does not adapt.
+    ageing: Option<f64>,
     /// Names of the limits that were met.
     limited: Vec<&'static str>,
 }
@@ -72,6 +74,7 @@ impl From<ControllerOutput> for PyTick {
             displacement_m: output.estimate_m,
             disturbance_n: output.disturbance_n,
             force_scale: output.force_scale,
+            ageing: output.ageing,
             limited: names(output.limited),
         }
     }
@@ -143,7 +146,8 @@ fn sample(sensor: DisplacementSensor, since: Since, delay_s: f64, rate_hz: f64) 
 ///
 /// Below `bandwidth_hz` the estimate follows the sensor, above it the model; a sample comes every 1/`sensor_rate_hz` s and is
 /// `sensor_delay_s` old. Over `adaptation_s` a disturbance that swings with the load becomes a change of the force scale. With `harmonics` (at most
-/// 6) the errors of a periodic reference are learned; `period_s` is found if left out. What is None is the model's board's, or the paper's
+/// 6) the errors of a periodic reference are learned; `period_s` is found if left out. With `adapts` the model follows a film that changes, and
+/// without a sample goes on with what the film has shown. What is None is the model's board's, or the paper's
 /// bench's. `limits` as springpot.Limits.
 ///
 /// These limits shape commands; they do not protect people or film. Raises InputError for what is refused.
@@ -154,7 +158,7 @@ pub(crate) struct PyTracking(Mutex<Loop>);
 impl PyTracking {
     #[new]
     #[pyo3(signature = (model, rate_hz, *, bandwidth_hz=None, adaptation_s=None, sensor_rate_hz=None, sensor_delay_s=None,
-                        harmonics=None, period_s=None, limits=None, precision="f32"))]
+                        harmonics=None, period_s=None, adapts=false, limits=None, precision="f32"))]
     fn new(
         model: &Bound<'_, PyModel>,
         rate_hz: f64,
@@ -164,6 +168,7 @@ impl PyTracking {
         sensor_delay_s: Option<f64>,
         harmonics: Option<i128>,
         period_s: Option<f64>,
+        adapts: bool,
         limits: Option<Limits<'_>>,
         precision: &str,
     ) -> PyResult<Self> {
@@ -178,7 +183,8 @@ impl PyTracking {
             period_s,
         };
         let limits = self::limits(py, limits, model)?;
-        Loop::new(ControllerKind::Tracking, model, tuning, limits, precision).map(Self)
+        let kind = if adapts { ControllerKind::Adaptive } else { ControllerKind::Tracking };
+        Loop::new(kind, model, tuning, limits, precision).map(Self)
     }
 
     /// One tick: the voltage that takes the film to `reference_m` (m) at its end. A reference that is not finite is ignored.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import pickle
+import re
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -140,6 +141,27 @@ def test_loops_follow() -> None:
         rms[kind] = float(np.sqrt(np.mean((np.array(reached) - sine)[late] ** 2)))
     assert rms["tracking"] < 0.01 * 1e-3
     assert rms["feedforward"] > 5 * rms["tracking"]
+
+
+def test_tracking_follows_a_film_that_changes(tmp_path: Path) -> None:
+    """A film whose stiffness is not the model's: what the sensor has shown in a minute serves as long without it, where tracking adapts."""
+    recording = sp.record_film(frequency_hz=[0.2, 0.1], duration_s=60, rate_hz=50)
+    model = sp.fit(recording, branches=2, topology="parallel", curve="none", hold=["offset_m"]).model
+    file = tmp_path / "film.toml"
+    model.save(file)
+    file.write_text(re.sub(r"\{ c = ([^,]+),", lambda found: f"{{ c = {1.2 * float(found[1])!r},", file.read_text()))
+    sine = sp.reference("sine", low_m=1.5e-3, high_m=2.5e-3, period_s=10, duration_s=120, rate_hz=200).displacement_m
+    assert sine is not None
+    lost = {}
+    for adapts in (False, True):
+        film, tracking = sp.SimulatedFilm(), sp.Tracking(sp.load(file), 200, adapts=adapts)
+        reached = [film.displacement_m]
+        for k, target in enumerate(sine[1:]):
+            tick = tracking.tick(target, film.displacement_m if k % 2 == 0 and k < 12_000 else None, age_s=0.0)
+            reached.append(film.advance(tick.voltage_v, 1 / 200))
+        lost[adapts] = float(np.sqrt(np.mean((np.array(reached) - sine)[14_000:] ** 2)))
+        assert tick.ageing is None if not adapts else tick.ageing > 0.5
+    assert lost[True] < 0.02 * 1e-3 and lost[True] < lost[False], lost
 
 
 def test_a_tick_says_what_limits_it() -> None:

@@ -168,6 +168,7 @@ class Tick:
     displacement_m: Final[float | None]
     disturbance_n: Final[float | None]
     force_scale: Final[float | None]
+    ageing: Final[float | None]
     limited: Final[list[str]]
 
 @final
@@ -191,6 +192,7 @@ class Tracking:
         sensor_delay_s: float | None = None,
         harmonics: int | None = None,
         period_s: float | None = None,
+        adapts: bool = False,
         limits: Limits | None = None,
         precision: _Precision = "f32",
     ) -> Tracking: ...

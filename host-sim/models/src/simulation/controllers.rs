@@ -48,6 +48,8 @@ pub struct ControllerOutput {
     pub disturbance_n: Option<f64>,
     /// Estimated force scale.
     pub force_scale: Option<f64>,
+    /// How far the film has moved from its law, where that follows it ([`springpot::Adapted::ageing`]).
+    pub ageing: Option<f64>,
 }
 
 /// A controller, ticked once a step.
@@ -131,8 +133,10 @@ fn build_in<T: Real + Send + 'static>(
             let (rest, learning) = (law.state(), learning.transpose()?);
             let tracking = Tracking::new(law, &actuator, limits, settings.observer).map_err(refused)?;
             let follower = learning_too(tracking, learning);
-            let correction =
-                |state: &FollowerState<T>| Some((state.observer().disturbance(), state.observer().force_scale()));
+            let correction = |state: &FollowerState<T>| {
+                let (observer, tracking) = (state.observer(), state.compensator());
+                Some((observer.disturbance(), observer.force_scale(), tracking.is_adapted().then(|| tracking.ageing())))
+            };
             let mut state = follower.state(rest);
             if kind == ControllerKind::Adaptive {
                 state.set_adapting(Adapting::Learn);
@@ -264,8 +268,8 @@ fn learning_too<T: Real, C: Compensator<T>>(compensator: C, learning: Option<Lea
     }
 }
 
-/// Disturbance (N) and force scale that the sensor has shown, if there is one.
-type Correction<T> = Option<(T, T)>;
+/// Disturbance (N), force scale and, where the law follows the film, ageing that the sensor has shown, if there is one.
+type Correction<T> = Option<(T, T, Option<T>)>;
 
 /// `Feedforward`, `Window` with another memory, `Tracking` and `Adaptive`.
 struct Following<T: Real, C: Compensator<T>> {
@@ -284,8 +288,9 @@ impl<T: Real, C: Compensator<T>> Controller for Following<T, C> {
             reference_m: follower.learning().is_none().then(|| command.reference_m.to_f64()),
             limited: command.limited,
             estimate_m: Some(state.displacement().to_f64()),
-            disturbance_n: correction.map(|(disturbance, _)| disturbance.to_f64()),
-            force_scale: correction.map(|(_, scale)| scale.to_f64()),
+            disturbance_n: correction.map(|(disturbance, ..)| disturbance.to_f64()),
+            force_scale: correction.map(|(_, scale, _)| scale.to_f64()),
+            ageing: correction.and_then(|(.., ageing)| Some(ageing?.to_f64())),
         }
     }
 }
