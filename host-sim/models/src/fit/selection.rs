@@ -74,14 +74,16 @@ const STANDARD_ERRORS: f64 = 2.0;
 const MIN_DIFFERENCE: f64 = 0.02;
 /// Error that no application resolves, as a share of a recording's range: what is below does not matter.
 const FLOOR: f64 = 2e-4;
-/// The same difference for a curve or a saturation if the recordings have one amplitude, where creep and stiffening look alike: errors a
-/// quarter larger without it.
+/// The same difference for a curve or a saturation if the recordings have one amplitude, where creep and stiffening look alike: errors beyond the
+/// noise a quarter larger without it.
 const MIN_DIFFERENCE_ONE_AMPLITUDE: f64 = 0.446;
-/// A cost so many times the least is far from it: errors 1.3 times as large.
+/// A cost so many times the least is far from it: errors 1.3 times as large, in a selection those beyond the noise.
 const FAR: f64 = 1.7;
 /// Share of the mean squares on what was left out that rules out a structure whose fit is far from another one: what only one part of the recordings
 /// shows, no structure predicts well.
 const MIN_LEFT_OUT: f64 = 0.45;
+/// Share of the noise's mean square that remains in comparisons without it.
+const NOISE_LEFT: f64 = 0.05;
 /// Share of a cost to which one more branch must bring it for another to be tried.
 const WORTH: f64 = 0.97;
 
@@ -108,6 +110,8 @@ pub(super) struct StructureFit {
     pub(super) refits: Vec<Candidate>,
     /// Relative mean squares of the fit itself in the blocks.
     fitted: Vec<f64>,
+    /// Relative mean squares of the noise from row to row in its residuals, which no structure explains: in the blocks, and in those left out.
+    noise: [Vec<f64>; 2],
     /// Mean of the recordings' R², and of their NRMSE (%).
     r2_mean: f64,
     nrmse_pct: f64,
@@ -135,6 +139,7 @@ impl StructureFit {
             left_out: errors,
             refits,
             fitted: left_out.mean_squares(context.loss, &evaluation),
+            noise: left_out.noise(&evaluation),
             found,
         })
     }
@@ -174,6 +179,11 @@ fn mean(squares: &[f64]) -> f64 {
     squares.iter().map(|square| square + FLOOR * FLOOR).sum::<f64>() / squares.len() as f64
 }
 
+/// Mean squares in blocks beyond those of the `noise`, of which a share stays: as much as chance leaves of it in a block.
+fn beyond(squares: &[f64], noise: &[f64]) -> Vec<f64> {
+    squares.iter().zip(noise).map(|(square, noise)| (square - noise).max(0.0) + NOISE_LEFT * noise).collect()
+}
+
 /// The structure that is selected among fits to the same recordings, with a row for each.
 ///
 /// The best has the least errors on what was left out; if no structure has such errors, because the search was interrupted, those of the
@@ -196,16 +206,18 @@ impl Selection {
         let is_validated = fits.iter().any(|fit| fit.left_out.is_ok());
         let errors = |k: usize| if is_validated { fits[k].left_out.as_deref().ok() } else { Some(&*fits[k].fitted) };
         // Mean logarithm of the mean squares.
-        let size = |k: usize| {
-            let errors = errors(k)?;
-            Some(difference(errors, &vec![0.0; errors.len()]).0)
-        };
+        let size_of = |squares: &[f64]| difference(squares, &vec![0.0; squares.len()]).0;
+        let size = |k: usize| errors(k).map(size_of);
         let by_size =
             |a: &usize, b: &usize| size(*a).unwrap_or(f64::INFINITY).total_cmp(&size(*b).unwrap_or(f64::INFINITY));
+        let size_beyond = |k: usize| {
+            let noise = &fits[k].noise[usize::from(is_validated)];
+            errors(k).map(|errors| size_of(&beyond(errors, noise)))
+        };
         let least_linear =
-            (0..fits.len()).filter(|&k| fits[k].is_linear()).filter_map(size).fold(f64::INFINITY, f64::min);
+            (0..fits.len()).filter(|&k| fits[k].is_linear()).filter_map(size_beyond).fold(f64::INFINITY, f64::min);
         let is_supported = |k: usize| {
-            let gain = size(k).map_or(0.0, |size| least_linear - size);
+            let gain = size_beyond(k).map_or(0.0, |size| least_linear - size);
             !one_amplitude || fits[k].is_linear() || gain >= MIN_DIFFERENCE_ONE_AMPLITUDE
         };
         let admitted: Vec<usize> = (0..fits.len())
@@ -214,10 +226,12 @@ impl Selection {
             .collect();
         // A single block, such as the ramp of a relaxation, changes the mean logarithm by no more than chance does.
         let is_far_from = |k: usize, other: usize| {
-            let farther = |of: fn(&StructureFit) -> Option<&[f64]>, factor: f64| {
-                of(&fits[k]).zip(of(&fits[other])).is_some_and(|(this, best)| mean(this) > factor * mean(best))
+            let left_out = |fit: &StructureFit| Some(mean(&beyond(fit.left_out.as_deref().ok()?, &fit.noise[1])));
+            let fitted = |fit: &StructureFit| Some(mean(&beyond(&fit.fitted, &fit.noise[0])));
+            let farther = |of: &dyn Fn(&StructureFit) -> Option<f64>, factor: f64| {
+                of(&fits[k]).zip(of(&fits[other])).is_some_and(|(this, best)| this > factor * best)
             };
-            farther(|fit| Some(&fit.fitted), FAR) && farther(|fit| fit.left_out.as_deref().ok(), MIN_LEFT_OUT)
+            farther(&fitted, FAR) && farther(&left_out, MIN_LEFT_OUT)
         };
         let is_ruled_out = |k: &usize| admitted.iter().any(|&other| is_far_from(*k, other));
         let admitted: Vec<usize> = admitted.iter().copied().filter(|k| !is_ruled_out(k)).collect();
@@ -409,6 +423,18 @@ impl<'a> LeftOut<'a> {
         let squares = &errors[before..];
         let mean = squares.iter().sum::<f64>() / squares.len() as f64;
         (!squares.is_empty()).then(|| 100.0 * mean.sqrt())
+    }
+
+    /// Mean squares of the noise in the residuals of `evaluation`, relative to the ranges, in every block and in those that are left out, fold by
+    /// fold.
+    fn noise(&self, evaluation: &Evaluation) -> [Vec<f64>; 2] {
+        let residuals = self.whole.residuals(evaluation);
+        let mut rest = residuals.as_slice();
+        let of = |values| rest.split_off(..values).map_or(0.0, |these| statistics::noise(these).powi(2));
+        let recordings: Vec<f64> = self.whole.values().map(of).collect();
+        let relative = |block: &Block| recordings[block.recording] / block.square;
+        let left_out = self.folds.iter().flat_map(|fold| &fold.blocks);
+        [self.blocks.iter().map(relative).collect(), left_out.map(relative).collect()]
     }
 
     /// Relative mean squares of `evaluation` in every block.
