@@ -64,6 +64,9 @@ fn bench() -> Bench {
         let monitor = if k < 150 { 1000.0 * (1.0 - (-since / 0.05).exp()) } else { 1000.0 * (-after / 0.1f64).exp() };
         format!("{time},{command},{}\n", monitor + f64::from(k % 7))
     });
+    bench.json(
+        "plant --plant hossain --frequency 0.05 --duration 60 --rate 1000 --peak-voltage 5500 --tone 50 --out tone.csv",
+    );
     let decay = |k: i32| f64::from(k).powf(-0.1);
     table("test.csv", "time_s,stretch,nominal_stress_pa", &|k| {
         format!("{},1.1,{}\n", f64::from(k) * 0.1, 2e4 * decay(k))

@@ -18,6 +18,7 @@ mod manners;
 mod plots;
 mod replay_and_record;
 mod report_page;
+mod self_sensing;
 mod start;
 
 use tests::tool::Tool;

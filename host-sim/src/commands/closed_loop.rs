@@ -5,18 +5,19 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
-use springpot::{AmplifierLag, CommandLimits};
+use springpot::{AmplifierLag, CommandLimits, SelfSensing};
 
 use super::choice::named;
 use super::options::{self, LimitOptions};
 use super::recordings::RecordingOptions;
 use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
+use crate::files::capacitance::CapacitanceFile;
 use crate::files::output::{self, Folders, Staged};
 use crate::files::recording::Recording;
 use crate::grid::Grid;
 use crate::progress::Progress;
-use crate::quantity::{self, at_most};
+use crate::quantity::{self, at_most, positive};
 use crate::references;
 use crate::replay::memory::Precision;
 use crate::report::figure::Figure;
@@ -24,8 +25,10 @@ use crate::report::figure_file::{Plot, PlotOption};
 use crate::report::tracking_figure;
 use crate::simulation::closed_loop::{self, BenchModel, LimitShare, LoopRun, TrackingQuality};
 use crate::simulation::controllers::{self, Controller, ControllerKind};
+use crate::simulation::electrical::{ElectricalBench, FilmCircuit, Monitors};
 use crate::simulation::film::{self, Film};
-use crate::simulation::plant::{FullMemoryPlant, Mismatch};
+use crate::simulation::plant::{FullMemoryPlant, Mismatch, NonlinearPlant};
+use crate::simulation::self_sensed::{self, SensedBench};
 use crate::simulation::tuning::ControllerTuning;
 use crate::terminal::{self, decimals};
 
@@ -57,6 +60,11 @@ pub(super) struct Arguments {
     reading: RecordingOptions,
     #[command(flatten)]
     plot: PlotOption,
+    /// File of the command self-sensing: the film is its own sensor, in its circuit; hossain and wang only. It gives interval and delay of the
+    /// samples. Hold for long with --adaptation 0.
+    #[arg(long, value_name = "C.toml", conflicts_with_all = ["sensor_noise", "sensor_rate", "sensor_delay", "sensor_quantum", "sensor_lost",
+        "amplifier_lag", "amplifier_bleeder", "monitor_error"])]
+    self_sensing: Option<PathBuf>,
     /// Steps per second.
     #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
     rate: f64,
@@ -208,13 +216,26 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         return Err(Error::field("stiffness", format!("{:?} must be from 0.2 to 5", arguments.stiffness)));
     }
     let parameters = options::load(&arguments.params)?;
-    let limits = arguments.limits.limits(parameters.board.as_ref())?;
+    let mut limits = arguments.limits.limits(parameters.board.as_ref())?;
+    let own_sensor = arguments.self_sensing.as_deref().map(CapacitanceFile::read).transpose()?;
+    let own = own_sensor.as_ref().map(|file| &file.options);
+    if let Some(options) = own {
+        if (options.step_s * arguments.rate - 1.0).abs() > 1e-6 {
+            let cause = format!("{:?} Hz is not the rate of the tone, {:.1} Hz", arguments.rate, 1.0 / options.step_s);
+            return Err(Error::field("rate", cause));
+        }
+        // Room for the tone.
+        limits.max_voltage_v -= options.tone_v;
+        positive("max_voltage", limits.max_voltage_v)?;
+    }
     let tuning = ControllerTuning {
         rate_hz: arguments.rate,
         bandwidth_hz: arguments.bandwidth,
         adaptation_s: arguments.adaptation,
-        sensor_rate_hz: arguments.sensor.sensor_rate,
-        sensor_delay_s: arguments.sensor.sensor_delay,
+        sensor_rate_hz: own.map(|options| 1.0 / options.sample_interval_s()).or(arguments.sensor.sensor_rate),
+        sensor_delay_s: own
+            .map(|options| options.age_ticks() as f64 * options.step_s)
+            .or(arguments.sensor.sensor_delay),
         harmonics: arguments.harmonics,
         period_s: arguments.period,
     };
@@ -228,7 +249,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let mut controller =
         controllers::build(arguments.controller, &parameters, &settings, arguments.precision).map_err(about)?;
 
-    let run = arguments.tracked(&bench, controller.as_mut(), &reference, grid).map_err(about)?;
+    let run = match &own_sensor {
+        Some(file) => arguments.tracked_by_itself(file, controller.as_mut(), &reference, grid),
+        None => arguments.tracked(&bench, controller.as_mut(), &reference, grid),
+    };
+    let run = run.map_err(about)?;
     let report = Report {
         controller: arguments.controller.name(),
         samples: grid.samples,
@@ -287,6 +312,37 @@ impl Arguments {
         run
     }
 
+    /// The run of `controller` along `reference` on the film as its own sensor.
+    fn tracked_by_itself(
+        &self,
+        file: &CapacitanceFile,
+        controller: &mut (dyn Controller + Send),
+        reference: &[f64],
+        grid: Grid,
+    ) -> Result<LoopRun> {
+        let mismatch = self.mismatch();
+        let PlantChoice::Nonlinear(film) = &self.plant else {
+            return Err(Error::field(
+                "self_sensing",
+                "the film of a parameter file has no circuit; use hossain or wang",
+            ));
+        };
+        // At rest where it was: its capacitance is that of the file.
+        let film = Film::new(*film).warmed(mismatch.stiffness, 1.0);
+        let sensing = SelfSensing::new(&file.relation, file.options)
+            .map_err(|error| Error::field("self_sensing", error.to_string()))?;
+        let (substeps, substep_s) = closed_loop::substeps(grid);
+        let mut plant = NonlinearPlant::at_rest(&film, substep_s);
+        let circuit = FilmCircuit::of_film(&film);
+        let mut bench =
+            ElectricalBench::new(circuit, Monitors::default(), &mut plant, (substeps, grid.step_s()), self.seed);
+        let bar = Progress::over(grid.samples as u64, "closed loop");
+        let run =
+            self_sensed::track(&mut SensedBench::at_rest(&mut bench, &sensing), controller, reference, grid, &bar);
+        bar.finish_and_clear();
+        run
+    }
+
     /// Steps from one row that is written to the next.
     fn step(&self, reference: &Recording) -> usize {
         let interval_s = reference.duration_s() / (reference.time_s().len() - 1) as f64;
@@ -299,7 +355,11 @@ impl Arguments {
             PlantChoice::Nonlinear(_) => None,
             PlantChoice::Parameters(name) => Some(Path::new(name)),
         };
-        let read: Vec<&Path> = [self.reference.as_path(), self.params.as_ref()].into_iter().chain(plant).collect();
+        let read: Vec<&Path> = [self.reference.as_path(), self.params.as_ref()]
+            .into_iter()
+            .chain(plant)
+            .chain(self.self_sensing.as_deref())
+            .collect();
         let out = self.out.as_deref();
         let plot = self.plot.check(&read, out.as_slice())?;
         out.map_or(Ok(()), |path| output::check(path, &read, Folders::Exist))?;

@@ -29,6 +29,7 @@ mod reduce;
 mod reference;
 mod replay;
 mod run;
+mod self_sensing;
 mod simulate;
 mod study;
 mod usage;
@@ -128,6 +129,8 @@ commands! {
     ClosedLoop(closed_loop::Arguments, closed_loop::run),
     /// Find how fast an amplifier follows, from a log of command and monitor.
     Amplifier(amplifier::Arguments, amplifier::run),
+    /// Find how the displacement follows from a film's capacitance, and whether the monitors suffice. Exit status 1 if they do not.
+    SelfSensing(self_sensing::Arguments, self_sensing::run),
     /// Write a reference to follow: sine, triangle, steps or random walk.
     Reference(reference::Arguments, reference::run),
     /// Fit other models of creep to the same recordings, in one table.

@@ -10,8 +10,9 @@ use crate::error::{Result, shown};
 use crate::files::output::{self, Folders};
 use crate::progress::Progress;
 use crate::quantity;
+use crate::simulation::electrical::Monitors;
 use crate::simulation::film::{Film, Instruments, Plant, Waveform};
-use crate::simulation::film_recording::Session;
+use crate::simulation::film_recording::{self, Session};
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -46,6 +47,13 @@ pub(super) struct Arguments {
     /// RMS noise of the voltage monitor, V.
     #[arg(long, value_name = "V", value_parser = quantity::volts, default_value_t = Instruments::default().monitor_noise_v)]
     monitor_noise: f64,
+    /// Add a tone of this amplitude, four samples a period, and record current_a, for self-sensing: the film in its circuit, with the noise of
+    /// its converters.
+    #[arg(long, value_name = "V", value_parser = quantity::volts)]
+    tone: Option<f64>,
+    /// Bits of the converters of voltage and current.
+    #[arg(long, value_name = "N", requires = "tone", value_parser = clap::value_parser!(u32).range(8..=24), default_value_t = Monitors::default().bits)]
+    bits: u32,
 }
 
 #[derive(Serialize)]
@@ -60,12 +68,32 @@ struct Report {
     last_peak_m: f64,
 }
 
+#[derive(Serialize)]
+struct WithTone {
+    out: String,
+    samples: usize,
+    /// Amplitude of the tone, V.
+    tone_v: f64,
+    /// Bits of the converters.
+    bits: u32,
+}
+
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let session = arguments.session();
     let grid = session.grid()?;
     output::check(&arguments.out, &[], Folders::Exist)?;
     let film = Film::new(arguments.plant);
     let bar = Progress::unknown("integrate the film");
+    if let Some(tone_v) = arguments.tone {
+        let monitors = Monitors { bits: arguments.bits, ..Monitors::default() };
+        let recording = film_recording::with_tone(&session, &film, monitors, tone_v)?;
+        bar.finish_and_clear();
+        film_recording::write_with_tone(&recording, &arguments.out)?;
+        let report = WithTone { out: shown(&arguments.out), samples: grid.samples, tone_v, bits: arguments.bits };
+        return terminal::report(json, &report, || {
+            format!("{}: {} samples with a tone of {tone_v} V, {} bits", report.out, report.samples, report.bits)
+        });
+    }
     let recording = session.record(&film)?;
     bar.finish_and_clear();
     recording.write(&arguments.out)?;

@@ -156,6 +156,11 @@ impl<T: Real> Relation<T> {
         self.rest
     }
 
+    /// Change of x over a relative change of the capacitance at rest, m.
+    pub(crate) fn slope_at_rest(&self) -> f64 {
+        self.stroke[0].to_f64() * self.instant.to_f64()
+    }
+
     pub(crate) fn state(&self) -> RelationState<T> {
         RelationState { creep: self.law.state() }
     }

@@ -147,6 +147,10 @@ pub enum SelfSensingFault {
 /// through an amplifier with a lag of a fifth of a tick make an error of some 2 % of R ω C, a lag of a tick 30 %: constant, and so a part of
 /// the calibration.
 ///
+/// The tone of the drive is the same in every block, so V is a mean over the last blocks: noise of the voltage monitor, large beside a tone of a
+/// hundredth of its range, hardly matters. A block whose voltage differs from that mean by more than its noise, as one with
+/// a jump of the drive, gives no sample; the mean begins anew with the fourth in a row.
+///
 /// No plane is fitted to charge, voltage and current. The cable is parallel to the film and its part of C; the
 /// [`CapacitanceRelation`] is calibrated with it.
 ///
@@ -193,7 +197,7 @@ pub struct SelfSensing<T> {
     /// Factors of |J|² / (V × J) for the capacitance, and of (V · J) / |J|² for the resistance.
     capacitance: T,
     resistance: T,
-    /// Variances of the phasors by noise, relative ones once divided by their squares.
+    /// Variances of the phasors of a block by noise, relative ones once divided by their squares.
     voltage_noise: T,
     current_noise: T,
     thresholds: Thresholds<T>,
@@ -220,6 +224,12 @@ struct Thresholds<T> {
 const PAST: usize = 8;
 /// Blocks at the start that are not used: those in which the filter fills.
 const SETTLING: u8 = 1;
+/// Blocks over which the tone's voltage is averaged.
+const AVERAGED: f64 = 64.0;
+/// Square of its distance from that mean above which it is another tone, in variances: noise alone is there once in millions of blocks.
+const ANOTHER: f64 = 32.0;
+/// Blocks with another tone that give no sample, as does the block after them: a jump of the drive reaches into two. What lasts longer is the tone.
+const OTHERS: u8 = 3;
 /// Faulty blocks in a row that are a fault.
 const FAULTY: u8 = 2;
 
@@ -238,6 +248,11 @@ pub struct SelfSensingState<T: Real> {
     fault: Option<SelfSensingFault>,
     /// Whether the last block gave a sample; capacitance (F), resistance (Ω) and relative variance of the last one that did.
     is_good: bool,
+    /// Mean of the voltage's phasor, and the weight of the last block in it.
+    tone: [T; 2],
+    weight: T,
+    /// Blocks in a row with another tone.
+    others: u8,
     capacitance: T,
     resistance: T,
     relative: T,
@@ -304,6 +319,16 @@ impl<T: Real> SelfSensing<T> {
         })
     }
 
+    /// Standard deviation of the mean displacement of so many `blocks` by the noise of the monitors, m: of a film at rest and a tone of `tone_v`
+    /// (V) behind the amplifier, once its voltage is averaged. It shows whether monitors suffice.
+    #[must_use]
+    pub fn noise_m(&self, tone_v: f64, blocks: f64) -> f64 {
+        let phasor = GAIN * f64::from(self.ticks) / 2.0 * tone_v;
+        let current = self.current_noise.to_f64() / (blocks * self.thresholds.rest.to_f64());
+        let voltage = self.voltage_noise.to_f64() / (2.0 * AVERAGED - 1.0);
+        libm::sqrt(current + voltage) / phasor * self.relation.slope_at_rest()
+    }
+
     /// A state of a film that has rested at x = 0, at the first tick of the tone.
     #[must_use]
     pub fn state(&self) -> SelfSensingState<T> {
@@ -317,6 +342,9 @@ impl<T: Real> SelfSensing<T> {
             faulty: 0,
             fault: None,
             is_good: false,
+            tone: [T::ZERO; 2],
+            weight: T::from_f64(1.0),
+            others: OTHERS,
             capacitance: self.relation.rest(),
             resistance: T::ZERO,
             relative: T::ZERO,
@@ -366,42 +394,69 @@ impl<T: Real> SelfSensing<T> {
     /// The impedance of a block, and its faults.
     #[inline(never)] // a tick within a block does not pay for it
     fn end_block(&self, state: &mut SelfSensingState<T>) {
-        let [v_re, v_im] = state.voltage.take();
-        let [i_re, i_im] = state.current.take();
+        let is_settled = state.settling == 0;
+        state.settling = state.settling.saturating_sub(1);
+        let voltage = state.voltage.take();
+        let [re, im] = state.current.take();
+        let current = [re - im, re + im];
         let mean = core::mem::replace(&mut state.current_sum, T::ZERO).abs();
-        let (j_re, j_im) = (i_re - i_im, i_re + i_im);
-        let voltage2 = v_re * v_re + v_im * v_im;
-        let current2 = j_re * j_re + j_im * j_im;
-        let cross = v_re * j_im - v_im * j_re;
-        let dot = v_re * j_re + v_im * j_im;
-        let capacitance = self.capacitance * current2 / cross;
-        let has_film = capacitance > self.thresholds.capacitance;
+        if !is_settled {
+            return;
+        }
+        let fault = self.fault_of(voltage, current, mean);
+        state.faulty = if fault.is_some() { state.faulty.saturating_add(1) } else { 0 };
+        if state.faulty >= FAULTY && state.fault.is_none() {
+            state.fault = fault;
+        }
+        state.is_good = fault.is_none() && self.is_tone(state, voltage);
+        if state.is_good {
+            let [cross, dot] = products(state.tone, current);
+            let (voltage2, current2) = (square(state.tone), square(current));
+            state.capacitance = self.capacitance * current2 / cross;
+            state.resistance = self.resistance * dot / current2;
+            let left = state.weight / (T::from_f64(2.0) - state.weight);
+            state.relative = self.current_noise / current2 + left * self.voltage_noise / voltage2;
+        }
+    }
 
-        let Thresholds { voltage, current, cable, rest, .. } = self.thresholds;
-        let conducts = dot > cross && current2 > rest * voltage2;
-        let fault = if voltage2 < voltage {
-            Some(if mean > current { SelfSensingFault::Shorted } else { SelfSensingFault::NoTone })
-        } else if current2 < cable * voltage2 {
+    /// The fault of a block with these phasors, of which the current's sum is `mean`.
+    #[inline]
+    fn fault_of(&self, voltage: [T; 2], current: [T; 2], mean: T) -> Option<SelfSensingFault> {
+        let least = &self.thresholds;
+        let (voltage2, current2) = (square(voltage), square(current));
+        let [cross, dot] = products(voltage, current);
+        let has_film = self.capacitance * current2 > least.capacitance * cross;
+        if voltage2 < least.voltage {
+            Some(if mean > least.current { SelfSensingFault::Shorted } else { SelfSensingFault::NoTone })
+        } else if current2 < least.cable * voltage2 {
             Some(SelfSensingFault::CurrentMonitor)
-        } else if mean > current || conducts {
+        } else if mean > least.current || dot > cross && current2 > least.rest * voltage2 {
             Some(SelfSensingFault::Shorted)
         } else if dot > cross || !has_film {
             Some(SelfSensingFault::Electrode)
         } else {
             None
-        };
-        let is_settled = state.settling == 0;
-        state.settling = state.settling.saturating_sub(1);
-        state.is_good = fault.is_none() && is_settled;
-        state.faulty = if fault.is_some() && is_settled { state.faulty.saturating_add(1) } else { 0 };
-        if state.faulty >= FAULTY && state.fault.is_none() {
-            state.fault = fault;
         }
-        if state.is_good {
-            state.capacitance = capacitance;
-            state.resistance = self.resistance * dot / current2;
-            state.relative = self.current_noise / current2 + self.voltage_noise / voltage2;
+    }
+
+    /// Compares the voltage of a block with the tone of those before, whose mean follows it; true if it is that.
+    #[inline]
+    fn is_tone(&self, state: &mut SelfSensingState<T>, [re, im]: [T; 2]) -> bool {
+        let one = T::from_f64(1.0);
+        let off = [re - state.tone[0], im - state.tone[1]];
+        let is_another = square(off) > T::from_f64(ANOTHER) * self.voltage_noise;
+        if is_another && state.others < OTHERS {
+            state.others += 1;
+            return false;
         }
+        // The current's filter reaches a tick further than the voltage's.
+        let follows = state.others > 0 && !is_another;
+        state.others = 0;
+        let (least, next) = (T::from_f64(1.0 / AVERAGED), state.weight / (one + state.weight));
+        let next = if next > least { next } else { least };
+        state.weight = if is_another { one } else { next };
+        state.tone = [state.tone[0] + state.weight * off[0], state.tone[1] + state.weight * off[1]];
+        !follows
     }
 
     /// The displacement of the last block. After a faulty one the relation creeps on with the last capacitance.
@@ -432,6 +487,19 @@ impl<T: Real> SelfSensing<T> {
             state.pending = Some(Pending { displacement: sample.displacement_m, variance: variance_m2, age });
         }
     }
+}
+
+/// The square of a phasor.
+#[inline]
+fn square<T: Real>([re, im]: [T; 2]) -> T {
+    re * re + im * im
+}
+
+/// The parts of the current across the voltage and along it, times the voltage.
+#[inline]
+fn products<T: Real>(voltage: [T; 2], current: [T; 2]) -> [T; 2] {
+    let ([v_re, v_im], [j_re, j_im]) = (voltage, current);
+    [v_re * j_im - v_im * j_re, v_re * j_re + v_im * j_im]
 }
 
 impl<T: Real> SelfSensingState<T> {

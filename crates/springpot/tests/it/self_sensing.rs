@@ -97,7 +97,7 @@ const BIASES: [fn(f64) -> f64; 4] = [
     |_| 0.0,
     |t| 200.0 + 5000.0 * t,
     |t| 2250.0 - 1750.0 * (TAU * 3.0 * t).cos(),
-    |t| 3000.0 * (t - 0.31).clamp(0.0, 0.5),
+    |t| 1500.0 - 750.0 * (TAU * (2.0 * (t - 0.31)).clamp(0.0, 0.5)).cos(),
 ];
 
 #[test]
@@ -149,6 +149,30 @@ fn steps_through_an_amplifier_show_the_capacitance_under_any_drive() {
     }
 }
 
+#[test]
+fn a_jump_of_the_drive_gives_no_sample_instead_of_a_wrong_one() {
+    let sensing = SelfSensing::<f32>::new(&relation(), OPTIONS).expect("valid");
+    let sample_at = |jump: u32| {
+        let bias = |t: f64| if t > (f64::from(jump) - 0.5) * STEP_S { 2300.0 } else { 2000.0 };
+        let mut noise = noise(u64::from(jump));
+        let mut circuit = Circuit::new(600e-12, 1e3);
+        let sensed = run(&sensing, &mut sensing.state(), &mut circuit, 400, bias, &mut noise);
+        for sensed in &sensed {
+            let error = f64::from(sensed.capacitance_f) / 700e-12 - 1.0;
+            // Six standard deviations of a block whose tone is its own.
+            assert!(error.abs() < 8e-3, "a jump at tick {jump}: {error:.1e}");
+        }
+        sensed.len()
+    };
+    // Wherever in a block it is: 18 samples without it.
+    for jump in 100..140 {
+        let samples = sample_at(jump);
+        assert!((15..=18).contains(&samples), "a jump at tick {jump}: {samples} samples");
+    }
+    assert_eq!(sample_at(450), 18, "without a jump");
+    assert_eq!(sample_at(110), 16, "in the middle of a block: that, and the next");
+}
+
 /// Readings with noise of these standard deviations.
 fn noise(seed: u64) -> impl FnMut(u32, FilmReading<f64>) -> FilmReading<f64> {
     let mut random = Pcg64::seed_from_u64(seed);
@@ -167,16 +191,28 @@ fn the_stated_variance_is_that_of_the_noise() {
         [OPTIONS, SelfSensingOptions { tone_v: 20.0, periods: 12, ..OPTIONS }].into_iter().enumerate()
     {
         let sensing = SelfSensing::<f32>::new(&certain, options).expect("valid");
-        let mut circuit = Circuit::new(700e-12, 20e3);
         let mut noise = noise(seed as u64);
-        let sensed = run(&sensing, &mut sensing.state(), &mut circuit, 60_000, |_| 2000.0, &mut noise);
-        let sensed = &sensed[5..];
+        let (mut state, mut sensed, mut before_v) = (sensing.state(), Vec::new(), 0.0);
+        let mut reading = FilmReading { voltage_v: 0.0_f32, current_a: 0.0_f32 };
+        for k in 0..1_000_000 {
+            sensed.extend(sensing.sense(&mut state, reading));
+            let voltage_v = f64::from(sensing.drive(&state, 2000.0));
+            // A capacitor.
+            let noisy = noise(k, FilmReading { voltage_v, current_a: 800e-12 * (voltage_v - before_v) / STEP_S });
+            reading = FilmReading { voltage_v: noisy.voltage_v as f32, current_a: noisy.current_a as f32 };
+            before_v = voltage_v;
+        }
+        // Once the mean of the tone has its length.
+        let sensed = &sensed[100..];
         let n = sensed.len() as f64;
         let mean = sensed.iter().map(|s| f64::from(s.sample.displacement_m)).sum::<f64>() / n;
         let square = sensed.iter().map(|s| (f64::from(s.sample.displacement_m) - mean).powi(2)).sum::<f64>() / n;
         let stated = sensed.iter().map(|s| f64::from(s.variance_m2)).sum::<f64>() / n;
-        // Of so many samples a variance is known within some percent; blocks share four ticks of the filter.
+        // The mean of the tone is another one some 300 times, of which a variance is known within a tenth.
         assert!((square / stated - 1.0).abs() < 0.15, "{square:.2e} m² measured, {stated:.2e} m² stated");
+        // What is expected of a film at rest, which is 700 pF here.
+        let expected = sensing.noise_m(options.tone_v, 1.0);
+        assert!((expected.powi(2) / stated - 1.0).abs() < 0.35, "{expected:e} m expected, {stated:e} m² stated");
         assert!((sensed[0].uncertainty_m().powi(2) / sensed[0].variance_m2 - 1.0).abs() < 1e-5);
     }
 }

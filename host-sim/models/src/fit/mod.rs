@@ -8,6 +8,7 @@
 
 pub mod bend;
 pub mod candidate;
+pub mod capacitance;
 pub mod checks;
 mod delay;
 pub(crate) mod descent;

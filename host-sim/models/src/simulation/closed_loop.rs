@@ -107,7 +107,7 @@ pub struct TrackingQuality {
 }
 
 impl LoopRun {
-    fn push(&mut self, asked: f64, shaped: f64, displacement: f64, output: &ControllerOutput) {
+    pub(crate) fn push(&mut self, asked: f64, shaped: f64, displacement: f64, output: &ControllerOutput) {
         self.asked_m.push(asked);
         self.reference_m.push(shaped);
         self.displacement_m.push(displacement);

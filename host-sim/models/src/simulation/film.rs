@@ -119,6 +119,17 @@ impl Film {
         self.rest_stretch
     }
 
+    /// Length at rest under the weight, m.
+    pub fn length_m(&self) -> f64 {
+        LENGTH_M * self.rest_stretch
+    }
+
+    /// Capacitance at rest under the weight, F: of constant volume, as long and as thin as it is there.
+    pub fn capacitance_f(&self) -> f64 {
+        let area_m2 = ELECTRODE_SHARE * WIDTH_M * self.length_m();
+        EPSILON_0 * PERMITTIVITY * area_m2 * self.rest_stretch / THICKNESS_M
+    }
+
     /// The state at rest under the weight.
     pub fn rest(&self) -> FilmState {
         let stretch = self.rest_stretch;

@@ -2,11 +2,17 @@
 
 use std::path::Path;
 
+use springpot::{FilmReading, SelfSensing};
+
 use crate::error::{Error, Result};
+use crate::files::capacitance::ToneRecording;
 use crate::files::output;
 use crate::grid::Grid;
 use crate::quantity::{at_most, positive};
+use crate::simulation::closed_loop;
+use crate::simulation::electrical::{ElectricalBench, FilmCircuit, Monitors};
 use crate::simulation::film::{Film, Instruments, Readings, Waveform};
+use crate::simulation::plant::NonlinearPlant;
 
 /// A film under a voltage: what its instruments recorded, and its displacement without their noise.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,6 +69,56 @@ impl FilmRecording {
         [0, last_full]
             .map(|from| self.film_displacement_m[from..][..period].iter().copied().fold(f64::NEG_INFINITY, f64::max))
     }
+}
+
+/// A recording of `film` in its circuit: every tick of the tone of `tone_v` (V) on the session's voltage. The sensor reads in every tick.
+///
+/// # Errors
+///
+/// As [`Session::grid`], [`Error::Field`] for a tone that cannot be sensed, and [`Error::Computation`] where the film runs away.
+pub fn with_tone(session: &Session, film: &Film, monitors: Monitors, tone_v: f64) -> Result<ToneRecording> {
+    let grid = session.grid()?;
+    let circuit = FilmCircuit::of_film(film);
+    let (substeps, substep_s) = closed_loop::substeps(grid);
+    let options = monitors.options(&circuit, tone_v, grid.step_s());
+    let sensing = SelfSensing::<f32>::new(&circuit.relation_of_sizes(1e-3), options)
+        .map_err(|error| Error::field("tone", error.to_string()))?;
+    let mut plant = NonlinearPlant::at_rest(film, substep_s);
+    let mut bench = ElectricalBench::new(circuit, monitors, &mut plant, (substeps, grid.step_s()), session.seed);
+    let mut sensor = Readings::new(session.instruments, session.seed);
+    // Only the tone of it is needed.
+    let mut state = sensing.state();
+    let mut recording = ToneRecording { step_s: grid.step_s(), ..ToneRecording::default() };
+    for time_s in grid.times_s() {
+        let drive = sensing.drive(&state, session.waveform.voltage_v(time_s) as f32);
+        let reading = bench.tick(f64::from(drive));
+        sensing.sense(
+            &mut state,
+            FilmReading { voltage_v: reading.voltage_v as f32, current_a: reading.current_a as f32 },
+        );
+        if !bench.plant().holds() {
+            return Err(Error::Computation("the film runs away under this voltage (pull-in); lower it".into()));
+        }
+        recording.voltage_v.push((reading.voltage_v * 1e3).round() / 1e3);
+        recording.current_a.push((reading.current_a * 1e11).round() / 1e11);
+        recording.displacement_m.push((sensor.displacement_m(bench.plant().displacement_m()) * 1e8).round() / 1e8);
+    }
+    Ok(recording)
+}
+
+/// Writes `recording` as CSV.
+pub fn write_with_tone(recording: &ToneRecording, path: &Path) -> Result<()> {
+    let digits = |k: usize| (k as f64 * recording.step_s * 1e9).round() / 1e9;
+    let time: Vec<f64> = (1..=recording.voltage_v.len()).map(digits).collect();
+    output::write_columns(
+        path,
+        &[
+            ("time_s", Some(time.as_slice())),
+            ("voltage_v", Some(&recording.voltage_v)),
+            ("current_a", Some(&recording.current_a)),
+            ("displacement_m", Some(&recording.displacement_m)),
+        ],
+    )
 }
 
 /// The signal that is played to a film at rest, and the instruments that record it.

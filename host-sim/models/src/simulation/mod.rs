@@ -4,8 +4,10 @@
 pub mod board;
 pub mod closed_loop;
 pub mod controllers;
+pub mod electrical;
 pub mod film;
 pub mod film_recording;
 pub mod plant;
 pub mod processor;
+pub mod self_sensed;
 pub mod tuning;

@@ -31,6 +31,7 @@ mod recordings;
 mod reduce;
 mod relaxation;
 mod same_film;
+mod self_sensing;
 mod sensor_offset;
 mod stiffening;
 mod supply;

@@ -1,0 +1,119 @@
+//! Recordings with a tone and the current that it causes, and the files of what was found in them.
+
+use std::fs;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use springpot::{CapacitanceRelation, SelfSensingOptions};
+
+use crate::error::{Error, Result};
+
+/// A recording at the ticks of a tone, in SI units.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ToneRecording {
+    /// Time between two rows, s.
+    pub step_s: f64,
+    /// Voltage at the time of the row, V.
+    pub voltage_v: Vec<f64>,
+    /// Mean current since the row before, A.
+    pub current_a: Vec<f64>,
+    /// Displacement, m; NaN where the sensor has no reading.
+    pub displacement_m: Vec<f64>,
+}
+
+/// Columns of such a recording.
+const COLUMNS: [&str; 4] = ["time_s", "voltage_v", "current_a", "displacement_m"];
+/// Largest deviation of a time from its tick, in ticks.
+const UNEVEN: f64 = 0.05;
+
+impl ToneRecording {
+    /// Reads the recording at `path`: CSV with the columns `time_s`, `voltage_v`, `current_a` and `displacement_m`, in any order and among others;
+    /// cells of the displacement may be empty.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] naming the file and line of the first thing that cannot be used.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = fs::read_to_string(path).map_err(|error| Error::file(path, error))?;
+        Self::from_csv(path, &text)
+    }
+
+    /// Reads a recording from CSV text; `path` is what errors name.
+    pub fn from_csv(path: &Path, text: &str) -> Result<Self> {
+        let mut lines =
+            text.lines().enumerate().map(|(k, line)| (k as u64 + 1, line)).filter(|(_, l)| !l.trim().is_empty());
+        let Some((line, header)) = lines.next() else { return Err(Error::file(path, "is empty")) };
+        let names: Vec<&str> = header.trim_start_matches('\u{feff}').split(',').map(str::trim).collect();
+        let mut places = [0; 4];
+        for (place, wanted) in places.iter_mut().zip(COLUMNS) {
+            *place = names.iter().position(|name| *name == wanted).ok_or_else(|| {
+                let cause = format!("no column {wanted}; a recording for self-sensing has {}", COLUMNS.join(", "));
+                Error::line(path, line, cause)
+            })?;
+        }
+        let mut columns: [Vec<f64>; 4] = Default::default();
+        for (line, row) in lines {
+            let cells: Vec<&str> = row.split(',').map(str::trim).collect();
+            for ((column, &place), name) in columns.iter_mut().zip(&places).zip(COLUMNS) {
+                let cell = cells.get(place).copied().unwrap_or("");
+                let value = match cell {
+                    "" if name == "displacement_m" => f64::NAN,
+                    _ => cell.parse::<f64>().ok().filter(|value| value.is_finite()).ok_or_else(|| {
+                        Error::line(path, line, format!("{name} is {cell:?}; every tick needs a finite number"))
+                    })?,
+                };
+                column.push(value);
+            }
+        }
+        let [time_s, voltage_v, current_a, displacement_m] = columns;
+        let (Some(first), Some(last)) = (time_s.first(), time_s.last()) else {
+            return Err(Error::file(path, "has no rows"));
+        };
+        let step_s = (last - first) / (time_s.len().max(2) - 1) as f64;
+        let off = |k: usize| (time_s[k] - first - step_s * k as f64).abs();
+        let is_even = step_s > 0.0 && (0..time_s.len()).all(|k| off(k) <= UNEVEN * step_s);
+        if !is_even {
+            return Err(Error::file(
+                path,
+                "the rows are not one tick apart; record every tick of the tone, without gaps",
+            ));
+        }
+        // A clock has its digits.
+        let step_s = (step_s * 1e9).round() * 1e-9;
+        Ok(Self { step_s, voltage_v, current_a, displacement_m })
+    }
+}
+
+/// A film and its bench, as self-sensing needs them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CapacitanceFile {
+    /// The film.
+    pub relation: CapacitanceRelation,
+    /// Tone and monitors.
+    pub options: SelfSensingOptions,
+}
+
+impl CapacitanceFile {
+    /// Reads the file at `path` (TOML).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] for a file that has another content.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = fs::read_to_string(path).map_err(|error| Error::file(path, error))?;
+        toml::from_str(&text).map_err(|error| {
+            let cause = error.message().to_owned();
+            Error::file(
+                path,
+                format!("is no relation of capacitance and displacement: {cause}; the command self-sensing writes one"),
+            )
+        })
+    }
+
+    /// As TOML.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).unwrap_or_else(|error| unreachable!("numbers alone: {error}"))
+    }
+}
