@@ -485,6 +485,18 @@ fn slow_clients_do_not_delay_a_stop() {
     }
 }
 
+/// Prints shares of times.
+fn report(times_ms: &[f64]) {
+    let mut sorted = times_ms.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let [median, most, nearly_all, largest] =
+        [0.5, 0.99, 0.999, 1.0].map(|share| sorted[((sorted.len() - 1) as f64 * share) as usize]);
+    println!(
+        "{} clicks: median {median:.2} ms, 99 % {most:.2}, 99.9 % {nearly_all:.2}, largest {largest:.2}",
+        sorted.len()
+    );
+}
+
 /// From a click, as the browser sends it, to the enable output: with two pages that watch and two busy threads. `SPRINGPOT_SWEEP=full` clicks
 /// 10 000 times and prints the times.
 #[test]
@@ -529,6 +541,9 @@ fn every_click_stops() {
         // Before the click: the board has tripped by itself.
         if let Some(took) = fell.checked_duration_since(clicked) {
             times_ms.push(1e3 * took.as_secs_f64());
+            if times_ms.len() % 1000 == 0 {
+                report(&times_ms);
+            }
         }
         let mut answer = [0; 2048];
         assert!(line.read(&mut answer).expect("an answer") > 0);
@@ -536,16 +551,7 @@ fn every_click_stops() {
     }
     busy.store(false, Ordering::Relaxed);
     spinning.into_iter().for_each(|thread| thread.join().expect("ends"));
-    times_ms.sort_by(f64::total_cmp);
-    let at = |share: f64| times_ms[((times_ms.len() - 1) as f64 * share) as usize];
-    println!(
-        "{} clicks: median {:.2} ms, 99 % {:.2}, 99.9 % {:.2}, largest {:.2}",
-        times_ms.len(),
-        at(0.5),
-        at(0.99),
-        at(0.999),
-        at(1.0)
-    );
+    report(&times_ms);
     assert_eq!(desk.board.voltage().1, 0.0);
 }
 

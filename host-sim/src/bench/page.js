@@ -22,6 +22,7 @@
   let own = { page: null, place: -1, number: 0, arming: null };
   let reported = -Infinity;
   let waiting = false;
+  let taking = false;
   let drawing = false;
 
   const note = (text) => {
@@ -151,7 +152,7 @@
     put("board", `${live.port} ${live.firmware}, parameters: ${live.parameters || "none"}`);
     const mine = inControl();
     put("whose", mine ? "This page is in control." : live.in_control === 0 ? "No page is in control." : "Another page is in control; this one may stop.");
-    $("control").disabled = mine || enabled() || !connected;
+    $("control").disabled = mine || taking || enabled() || !connected;
     $("arm").disabled = !(mine && state === "disarmed");
     $("acknowledge").disabled = !(mine && state === "tripped");
     $("play").disabled = !(mine && state === "armed" && own.arming);
@@ -227,9 +228,12 @@
     redraw();
   };
   const control = async () => {
+    if (taking) return;
+    taking = true;
     own = { page: null, place: -1, number: 0, arming: null };
     const answer = await ask("control");
     if (answer) own = { ...own, page: answer.page, place: answer.place };
+    taking = false;
     redraw();
   };
   const number = (id) => Number($(id).value);

@@ -184,13 +184,12 @@ def losses(browser, page, bench, board):
     page.wait("!document.getElementById('arm').disabled")
 
     arm(page, board)
+    since = time.time()
     second = browser.page(bench.address)
-    second.wait(f"{STATE} !== 'disconnected'")
     # It came in front, so the first one was hidden: disarmed. The second gets no control of what is armed, and takes it afterwards.
-    board.falls(time.time() - 1.0, 3.0)
-    second.wait("document.getElementById('message').textContent !== ''")
+    board.falls(since, 2.0)
+    second.wait("!document.getElementById('arm').disabled || !document.getElementById('control').disabled")
     if second.run("document.getElementById('arm').disabled"):
-        second.wait("!document.getElementById('control').disabled")
         second.click("control")
     arm(second, board)
     assert page.run("document.getElementById('arm').disabled") is True

@@ -117,8 +117,12 @@ class Page:
         """Waits until a script is true."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            if self.run(script):
-                return
+            try:
+                if self.run(script):
+                    return
+            except RuntimeError:
+                # It is still loading.
+                pass
             time.sleep(0.02)
         raise AssertionError(f"not within {seconds} s: {script}; {self.text('state')}; {self.text('message')}")
 
