@@ -3,7 +3,7 @@
 //! | room | what it does |
 //! | --- | --- |
 //! | [`commands`] | the command line, one file per command |
-//! | [`bench`] | a board as a page and a terminal see it |
+//! | [`mod@bench`] | a board as a page and a terminal see it |
 //! | [`report`] | figures and HTML pages |
 //! | [`host_models`] | what the tool computes: replay, fits, studies, simulated films and closed loops |
 //! | [`host_emit`] | the law of a film in C |

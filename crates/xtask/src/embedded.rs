@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use chip_program::{Checksum, FEW, FILMS, Film, Name, Report, SMALL};
+use chip_program::{Checksum, FEW, FEW_WITH_FPU, FILMS, Film, Name, Report, SMALL};
 use documents::{Documents, Tolerance};
 
 use crate::cycles;
@@ -88,6 +88,7 @@ fn steps(toolchain: &Toolchain, target: &str, films: Films) -> Result<BTreeMap<S
     let folder = root().join("tests/embedded");
     panic_free(toolchain, target, &folder)?;
     let (films, features): (&[Film], &str) = match films {
+        Films::Few if target == TARGETS[0] => (&FEW_WITH_FPU, "--features few-films"),
         Films::Few => (&FEW, "--features few-films"),
         Films::All if target == TARGETS[1] => (&SMALL, ""),
         Films::All => (&FILMS, ""),

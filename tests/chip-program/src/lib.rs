@@ -61,6 +61,9 @@ pub const FILMS: [Film; 10] = [
 /// minutes, in which laws are built in f64.
 pub const FEW: [Film; 4] = [FILMS[1], FILMS[6], FILMS[9], Film { step_s: SLOW_S, ..FILMS[8] }];
 
+/// The same for a chip with an FPU, which has room for a tick beside a spring.
+pub const FEW_WITH_FPU: [Film; 5] = [FEW[0], FEW[1], FEW[2], FEW[3], FILMS[7]];
+
 /// All films for a chip of 16 KiB, which cannot build a tick beside a spring: slow ones have none here.
 pub const SMALL: [Film; 9] = [FILMS[0], FILMS[1], FILMS[2], FILMS[3], FILMS[4], FILMS[5], FILMS[6], FILMS[9], FEW[3]];
 

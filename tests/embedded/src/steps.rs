@@ -5,7 +5,7 @@
 #![no_std]
 #![no_main]
 
-use chip_program::{Checksum, FEW, FILMS, Name, Report, SMALL};
+use chip_program::{Checksum, FEW, FEW_WITH_FPU, FILMS, Name, Report, SMALL};
 use semihosting::{println, process};
 
 #[cfg_attr(target_arch = "riscv32", path = "minstret.rs")]
@@ -41,7 +41,8 @@ fn main() -> ! {
     // The Cortex-M0 alone has no atomic exchange.
     let is_small = cfg!(all(target_arch = "arm", not(target_has_atomic = "32")));
     let films = match (cfg!(feature = "few-films"), is_small) {
-        (true, _) => &FEW[..],
+        (true, _) if cfg!(target_abi = "eabihf") => &FEW_WITH_FPU[..],
+        (true, _) => &FEW,
         (false, true) => &SMALL,
         (false, false) => &FILMS,
     };
