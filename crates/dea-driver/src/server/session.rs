@@ -318,6 +318,7 @@ impl Session {
     }
 
     /// Stores the parameters in force with what was learned of the film.
+    #[inline(never)] // its room on the stack is not that of every request
     fn keep_adapted<M: ControllerMemory, B: Board<M>>(&mut self, board: &mut B) -> Result<(), Denial> {
         if self.on_trial {
             return Err(Denial::Rejected(Reject::Value));

@@ -82,8 +82,9 @@ const FAR: f64 = 1.7;
 /// Share of the mean squares on what was left out that rules out a structure whose fit is far from another one: what only one part of the recordings
 /// shows, no structure predicts well.
 const MIN_LEFT_OUT: f64 = 0.45;
-/// Share of the noise's mean square that remains in comparisons without it.
+/// Share of the noise's mean square that remains in comparisons without it, and the error that matters beside it, as a share of the range.
 const NOISE_LEFT: f64 = 0.05;
+const MATTERS: f64 = 1e-3;
 /// Share of a cost to which one more branch must bring it for another to be tried.
 const WORTH: f64 = 0.97;
 
@@ -179,9 +180,11 @@ fn mean(squares: &[f64]) -> f64 {
     squares.iter().map(|square| square + FLOOR * FLOOR).sum::<f64>() / squares.len() as f64
 }
 
-/// Mean squares in blocks beyond those of the `noise`, of which a share stays: as much as chance leaves of it in a block.
+/// Mean squares in blocks beyond those of the `noise`, of which a share stays, as much as chance leaves of it in a block; with an error that
+/// matters to no application.
 fn beyond(squares: &[f64], noise: &[f64]) -> Vec<f64> {
-    squares.iter().zip(noise).map(|(square, noise)| (square - noise).max(0.0) + NOISE_LEFT * noise).collect()
+    let left = |(square, noise): (&f64, &f64)| (square - noise).max(0.0) + NOISE_LEFT * noise + MATTERS * MATTERS;
+    squares.iter().zip(noise).map(left).collect()
 }
 
 /// The structure that is selected among fits to the same recordings, with a row for each.
@@ -214,24 +217,27 @@ impl Selection {
             let noise = &fits[k].noise[usize::from(is_validated)];
             errors(k).map(|errors| size_of(&beyond(errors, noise)))
         };
-        let least_linear =
-            (0..fits.len()).filter(|&k| fits[k].is_linear()).filter_map(size_beyond).fold(f64::INFINITY, f64::min);
-        let is_supported = |k: usize| {
-            let gain = size_beyond(k).map_or(0.0, |size| least_linear - size);
-            !one_amplitude || fits[k].is_linear() || gain >= MIN_DIFFERENCE_ONE_AMPLITUDE
+        // How much less than that of the best linear film a size is.
+        let gains = |size: &dyn Fn(usize) -> Option<f64>, k: usize| {
+            let linear =
+                (0..fits.len()).filter(|&k| fits[k].is_linear()).filter_map(size).fold(f64::INFINITY, f64::min);
+            size(k).is_some_and(|size| linear - size >= MIN_DIFFERENCE_ONE_AMPLITUDE)
         };
+        let is_supported =
+            |k: usize| !one_amplitude || fits[k].is_linear() || gains(&size, k) || gains(&size_beyond, k);
         let admitted: Vec<usize> = (0..fits.len())
             .filter(|&k| if wanted_nonlinear { !fits[k].is_linear() } else { is_supported(k) })
             .filter(|&k| errors(k).is_some())
             .collect();
         // A single block, such as the ramp of a relaxation, changes the mean logarithm by no more than chance does.
         let is_far_from = |k: usize, other: usize| {
-            let left_out = |fit: &StructureFit| Some(mean(&beyond(fit.left_out.as_deref().ok()?, &fit.noise[1])));
-            let fitted = |fit: &StructureFit| Some(mean(&beyond(&fit.fitted, &fit.noise[0])));
+            let left_out = |fit: &StructureFit| Some(mean(fit.left_out.as_deref().ok()?));
+            let fitted = |fit: &StructureFit| Some(mean(&fit.fitted));
+            let beyond_noise = |fit: &StructureFit| Some(mean(&beyond(&fit.fitted, &fit.noise[0])));
             let farther = |of: &dyn Fn(&StructureFit) -> Option<f64>, factor: f64| {
                 of(&fits[k]).zip(of(&fits[other])).is_some_and(|(this, best)| this > factor * best)
             };
-            farther(&fitted, FAR) && farther(&left_out, MIN_LEFT_OUT)
+            (farther(&fitted, FAR) || farther(&beyond_noise, FAR)) && farther(&left_out, MIN_LEFT_OUT)
         };
         let is_ruled_out = |k: &usize| admitted.iter().any(|&other| is_far_from(*k, other));
         let admitted: Vec<usize> = admitted.iter().copied().filter(|k| !is_ruled_out(k)).collect();
