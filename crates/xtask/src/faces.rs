@@ -27,7 +27,7 @@ pub enum Face {
     Octave,
     /// The FMU: schemas, states and equal bits with FMPy, in an environment of its own.
     Fmu,
-    /// The page of `springpot bench` in Chromium: looks, accessibility (axe-core), stops, every way to lose the page. Makes the book's pictures of it.
+    /// The page of `springpot bench` in Chromium: looks, accessibility (axe-core), stops, every way to lose the page. By its name it makes the book's pictures of it.
     Browser,
     /// The Windows executable under Wine, beside the tool of this system. Only by its name.
     Windows,
@@ -53,7 +53,7 @@ pub fn run(only: Option<Face>) -> Result<()> {
                 other_board::everywhere(&toolchain)?;
             }
             Face::Windows => windows::run()?,
-            Face::Browser => browser("200")?,
+            Face::Browser => browser(only.is_some())?,
             Face::Python => python()?,
             Face::Octave => {
                 setup::octave()?;
@@ -73,8 +73,11 @@ pub fn run(only: Option<Face>) -> Result<()> {
     Ok(())
 }
 
-/// The page of a bench in a browser, with so many stops whose time is measured.
-pub fn browser(clicks: &str) -> Result<()> {
+/// Stops in the browser whose time is measured.
+const CLICKS: &str = "200";
+
+/// The page of a bench in a browser. `named`: the pictures of the book are those of this run.
+fn browser(named: bool) -> Result<()> {
     let browser = setup::chromium()?;
     let built = root().join("target").join("faces").join("browser");
     // The package brings axe-core's own file; nothing of it is run but that, in the page.
@@ -89,11 +92,10 @@ pub fn browser(clicks: &str) -> Result<()> {
     let mut test = command(&python, &["host-sim/tests/browser/bench.py", browser]);
     let pictures = built.join("pictures");
     test.args([programs.join("host-sim-under-test"), programs.join("virtual-board-on-host"), pictures.clone()])
-        .arg(clicks);
+        .arg(CLICKS);
     test.env("SPRINGPOT_AXE", axe.trim());
     run_command(test)?;
-    // Those of the book.
-    for name in ["bench.webp", "bench-phone.webp"] {
+    for name in ["bench.webp", "bench-phone.webp"].into_iter().filter(|_| named) {
         let copied = fs::copy(pictures.join(name), root().join("docs").join(name));
         copied.map_err(|error| format!("{name}: {error}"))?;
     }

@@ -21,7 +21,18 @@ PATIENCE_S = 1.5
 STATE = "document.getElementById('state').dataset.state"
 
 
-class Board:
+class Program:
+    """A program that ends with its block, whatever fails in it."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.kill()
+        self.process.wait()
+
+
+class Board(Program):
     """A board, and the changes of its enable output as they come."""
 
     def __init__(self, program):
@@ -51,7 +62,7 @@ class Board:
             pass
 
 
-class Bench:
+class Bench(Program):
     """The tool at a board."""
 
     def __init__(self, tool, board, folder):
@@ -229,9 +240,7 @@ def clicks(page, board, count):
 def main(program, tool, board, pictures, count="0"):
     pictures = pathlib.Path(pictures)
     pictures.mkdir(parents=True, exist_ok=True)
-    board = Board(board)
-    with tempfile.TemporaryDirectory() as folder:
-        bench = Bench(tool, board, folder)
+    with tempfile.TemporaryDirectory() as folder, Board(board) as board, Bench(tool, board, folder) as bench:
         with Browser(program) as browser:
             page = browser.page(bench.address)
             page.size(1280, 960)
@@ -248,7 +257,6 @@ def main(program, tool, board, pictures, count="0"):
             browser.kill()
             print(f"browser killed: {board.falls(since, PATIENCE_S + 1.0):.3f} s")
         bench.end()
-    board.process.stdin.close()
     print("the page is as documented")
 
 
