@@ -1,5 +1,6 @@
 //! `self-sensing`: the relation of capacitance and displacement from a recording with a tone, and whether the monitors suffice.
 
+use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -19,7 +20,7 @@ pub(super) struct Arguments {
     /// Recording of every tick: time_s, voltage_v, current_a (mean since the row before), displacement_m. The tone has four rows a period.
     #[arg(value_name = "REC.csv")]
     recording: PathBuf,
-    /// File to write with the relation, the tone and the monitors (TOML).
+    /// File to write with the relation, the tone and the monitors (TOML), if they suffice.
     #[arg(long, value_name = "C.toml")]
     out: Option<PathBuf>,
     /// Parameter file (TOML), of whose board the slew limit and the amplifier are checked.
@@ -54,19 +55,20 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     let (file, mut report) =
         capacitance::identify(&recording, 1e-12 * arguments.cable).map_err(|error| Error::file(path, error))?;
     bar.finish_and_clear();
-    if let Some(out) = &arguments.out {
-        output::write_whole(out, |text| text.write_all(file.to_toml().as_bytes()))?;
-    }
     let board = parameters.map(|parameters| parameters.board_or_bench(1.0 / file.options.step_s));
     let refusals =
         board.map_or_else(Vec::new, |board| capacitance::refusals(&board, report.tone_v.round(), file.options.step_s));
     report.senses &= refusals.is_empty();
-    let printed = Printed { recording: shown(path), report, refusals, out: arguments.out.as_deref().map(shown) };
+    let out = arguments.out.as_deref().filter(|_| report.senses);
+    if let Some(out) = out {
+        output::write_whole(out, |text| text.write_all(file.to_toml().as_bytes()))?;
+    }
+    let printed = Printed { recording: shown(path), report, refusals, out: out.map(shown) };
     terminal::report(json, &printed, || text(&printed))?;
     Ok(if report.senses { Verdict::Yes } else { Verdict::No })
 }
 
-fn text(Printed { recording, report, refusals, .. }: &Printed) -> String {
+fn text(Printed { recording, report, refusals, out }: &Printed) -> String {
     let Report { tone_v, voltage_noise_v, current_noise_a, voltage_step_v, current_step_a, .. } = report;
     let mut text = format!(
         "{recording}: a tone of {tone_v:.1} V; noise {voltage_noise_v:.2} V in steps of {voltage_step_v:.2} V, {:.1} nA in steps of {:.1} nA\n\
@@ -92,5 +94,8 @@ fn text(Printed { recording, report, refusals, .. }: &Printed) -> String {
         [] => format!("no: {shares}: use monitors with less noise, or {more_v:.0} V of tone"),
         refusals => format!("no: {}", refusals.join("; ")),
     });
+    if let Some(out) = out {
+        let _ = write!(text, "; in {out}");
+    }
     text
 }

@@ -28,7 +28,7 @@ const UNEVEN: f64 = 0.05;
 
 impl ToneRecording {
     /// Reads the recording at `path`: CSV with the columns `time_s`, `voltage_v`, `current_a` and `displacement_m`, in any order and among others;
-    /// cells of the displacement may be empty.
+    /// cells of the displacement may be empty, and lines that begin with `#` are comments.
     ///
     /// # Errors
     ///
@@ -40,10 +40,10 @@ impl ToneRecording {
 
     /// Reads a recording from CSV text; `path` is what errors name.
     pub fn from_csv(path: &Path, text: &str) -> Result<Self> {
-        let mut lines =
-            text.lines().enumerate().map(|(k, line)| (k as u64 + 1, line)).filter(|(_, l)| !l.trim().is_empty());
+        let lines = text.lines().enumerate().map(|(k, line)| (k as u64 + 1, line.trim_start_matches('\u{feff}')));
+        let mut lines = lines.filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
         let Some((line, header)) = lines.next() else { return Err(Error::file(path, "is empty")) };
-        let names: Vec<&str> = header.trim_start_matches('\u{feff}').split(',').map(str::trim).collect();
+        let names: Vec<&str> = header.split(',').map(str::trim).collect();
         let mut places = [0; 4];
         for (place, wanted) in places.iter_mut().zip(COLUMNS) {
             *place = names.iter().position(|name| *name == wanted).ok_or_else(|| {
