@@ -178,6 +178,8 @@ fn what_no_law_has_learned_is_refused() {
         Adapted { stretch: -0.26, ..sound },
         Adapted { bias_n: 1e3, ..sound },
         Adapted { bias_n: f32::NAN, ..sound },
+        Adapted { uncertainty: f32::NAN, ..sound },
+        Adapted { ageing: f32::INFINITY, ..sound },
     ] {
         let refused = with(unsound).encode(BOARD, &mut [0; BLOB_LEN]);
         assert!(

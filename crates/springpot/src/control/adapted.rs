@@ -124,6 +124,8 @@ impl<T: Real> Adapted<T> {
             ("rate", size(self.rate), rate),
             ("stretch", size(self.stretch), stretch),
             ("bias_n", size(self.bias_n), largest_n),
+            ("uncertainty", size(self.uncertainty), f64::MAX),
+            ("ageing", size(self.ageing), f64::MAX),
         ] {
             // Single precision may be beyond a bound by its rounding; NaN is out of range.
             let within = value <= most * (1.0 + 1e-5);
