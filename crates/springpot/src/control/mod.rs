@@ -19,6 +19,7 @@ mod observer_options;
 mod pace;
 mod path;
 mod self_sensing;
+mod self_sensing_options;
 mod statistics;
 mod tracking;
 
@@ -33,6 +34,7 @@ pub use learning::{Learning, LearningOptions, LearningState};
 pub use limits::{CommandLimits, Limited};
 pub use observer::{Observer, ObserverState, SensorSample};
 pub use observer_options::ObserverOptions;
-pub use self_sensing::{FilmReading, SelfSensed, SelfSensing, SelfSensingFault, SelfSensingOptions, SelfSensingState};
+pub use self_sensing::{FilmReading, SelfSensed, SelfSensing, SelfSensingFault, SelfSensingState};
+pub use self_sensing_options::SelfSensingOptions;
 pub use statistics::Statistics;
 pub use tracking::{Tracking, TrackingState};
