@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use dea_driver::wire::Mode;
 use host_sim::bench::control::Token;
-use host_sim::bench::session::{Live, Place, Play, Session, Wish};
+use host_sim::bench::session::Session;
+use host_sim::bench::shared::{Live, Place, Play, Wish};
 
 use crate::faults::{ANY_SILENCE_S, blob};
 use crate::{DEADLINE, image};

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use dea_driver::wire::Mode;
 
-use super::session::{Play, SENT_HZ};
+use super::shared::{Play, SENT_HZ};
 use crate::choice::Choice;
 use crate::error::{Error, Result};
 use crate::files::import::Hints;

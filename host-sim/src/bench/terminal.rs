@@ -15,7 +15,7 @@ use ratatui::widgets::{Block, Paragraph, Sparkline};
 use ratatui::{DefaultTerminal, Frame};
 
 use super::control::Token;
-use super::session::Live;
+use super::shared::Live;
 use super::web::SECRET;
 
 /// States come 20 times a second; without one for so long the bench is gone.

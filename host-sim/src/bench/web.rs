@@ -25,7 +25,8 @@ use tokio::sync::Semaphore;
 
 use super::control::Token;
 use super::reference;
-use super::session::{Session, Sitting, Wish};
+use super::session::Session;
+use super::shared::{Play, Sitting, Wish};
 use crate::choice::Choice;
 use crate::error::Result;
 use crate::references::Shape;
@@ -421,7 +422,7 @@ async fn make_report(site: &Site, name: &str) -> Answered {
 
 impl Reference {
     /// The values, of the file at `path` or of the shape.
-    fn play(&self, what: What, path: Option<PathBuf>) -> Result<super::session::Play> {
+    fn play(&self, what: What, path: Option<PathBuf>) -> Result<Play> {
         let mode = match what {
             What::Voltage => Mode::Voltage,
             What::Feedforward => Mode::Feedforward,

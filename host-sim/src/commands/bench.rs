@@ -12,7 +12,8 @@ use tokio::net::TcpListener;
 
 use super::choice::named;
 use super::{board_rate, commission, options, with_flags};
-use crate::bench::session::{Place, Session};
+use crate::bench::session::Session;
+use crate::bench::shared::Place;
 use crate::bench::terminal::{self as window, Address};
 use crate::bench::web::{self, Site};
 use crate::error::{Error, Result, shown};

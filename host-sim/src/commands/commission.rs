@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::choice::named;
 use super::link::LinkedBench;
 use super::{Verdict, with_flags};
-use crate::bench::session::Watched;
+use crate::bench::shared::Watched;
 use crate::bench::web::Sittings;
 use crate::choice::Choice;
 use crate::commission::bench::Pilot;

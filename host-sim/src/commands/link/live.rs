@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::board_time::BoardTime;
 use super::{Source, What, digits, parameters_of};
 use crate::bench::reference;
-use crate::bench::session::SENT_HZ;
+use crate::bench::shared::SENT_HZ;
 use crate::commands::recordings::{self, RecordingOptions};
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
