@@ -3,6 +3,8 @@
 mod commission;
 mod control;
 mod page;
+mod page_served;
+mod page_tool;
 mod playing;
 mod self_test;
 #[cfg(target_os = "linux")]

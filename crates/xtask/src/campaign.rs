@@ -73,7 +73,7 @@ fn models(name: &str) -> Result<()> {
 /// The page, in this process.
 fn bench() -> Result<()> {
     let mut test = cargo("test --workspace --features tests/qemu --test link_commands");
-    test.args(["page::no_forged", "page::every_click", "--", "--nocapture"]).env("SPRINGPOT_SWEEP", "full");
+    test.args(["page::no_forged", "page_served::every_click", "--", "--nocapture"]).env("SPRINGPOT_SWEEP", "full");
     run_command(test)
 }
 
