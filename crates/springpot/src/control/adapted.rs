@@ -128,7 +128,7 @@ impl<T: Real> Adapted<T> {
             ("ageing", size(self.ageing), f64::MAX),
         ] {
             // Single precision may be beyond a bound by its rounding; NaN is out of range.
-            let within = value <= most * (1.0 + 1e-5);
+            let within = value.is_finite() && value <= most * (1.0 + 1e-5);
             if !within {
                 return Err(ControlError::OutOfRange { quantity, value, most });
             }

@@ -224,6 +224,34 @@ fn it_is_frozen_switched_off_and_forgotten() {
     assert_eq!(forgotten.adapting(), Adapting::Off);
 }
 
+/// A new state that is given what was learned follows the film without any sensor as well as the state that learned it; what is no such number
+/// changes nothing.
+#[test]
+fn what_was_learned_is_restored() {
+    for change in [Change { stiffness: 0.85, ..NONE }, Change { stiffness: 1.1, times: 1.5, ..NONE }] {
+        let (_, learned) = without_after_a_minute(Kind::TwoCurves, change);
+        let restore = |k: usize, state: &mut TrackingState<f32>| {
+            if k == 0 {
+                state.restore(&learned).expect("learned");
+            }
+        };
+        let (restored, state) = run(Kind::TwoCurves, change, 60, |_| false, |_, x| x, restore);
+        let (fitted, _) = run(Kind::TwoCurves, change, 60, |_| false, |_, x| x, |_, _| {});
+        println!("{change:?}: {restored:.2} % restored, {fitted:.2} % as fitted");
+        assert!(restored < 0.2 * fitted, "{restored} % for {fitted} %");
+        let before = state.clone();
+        let mut refused = state;
+        for unsound in [
+            Adapted { bias_n: f32::INFINITY, ..learned },
+            Adapted { rate: 1.2, ..learned },
+            Adapted { force_scale: 0.0, ..learned },
+            Adapted { ageing: f32::NAN, ..learned },
+        ] {
+            assert!(refused.restore(&unsound).is_err() && refused == before, "{unsound:?}");
+        }
+    }
+}
+
 /// Sensors that lie: every number stays finite and within its bounds, and the film within what the sensor's error explains.
 #[test]
 fn sensors_that_lie_do_not_run_away() {
