@@ -56,10 +56,14 @@ class Board(Program):
                 assert -0.01 <= at - since <= within_s, f"{at - since} s for {within_s}"
                 return at - since
 
-    def rises(self):
-        """Waits until it is high."""
-        while not self.changes.get(timeout=10)[0]:
-            pass
+    def rises(self, seconds=10):
+        """Whether it becomes high within so many seconds."""
+        try:
+            while not self.changes.get(timeout=seconds)[0]:
+                pass
+        except queue.Empty:
+            return False
+        return True
 
 
 class Bench(Program):
@@ -80,7 +84,7 @@ def arm(page, board):
     """Arms, and waits for the board."""
     page.wait("!document.getElementById('arm').disabled")
     page.click("arm")
-    board.rises()
+    assert board.rises(), f"not armed: {page.text('message')}; {page.text('whose')}"
     page.wait("!document.getElementById('play').disabled")
 
 
@@ -189,10 +193,10 @@ def losses(browser, page, bench, board):
 
     arm(page, board)
     since = time.time()
+    page.run("window.before = true")
     page.call("Page.reload")
     print(f"page loaded again: {board.falls(since, 1.0):.3f} s")
-    page.wait("document.readyState === 'complete' && document.getElementById('arm') !== null")
-    page.wait("!document.getElementById('arm').disabled")
+    page.wait("window.before === undefined && document.readyState === 'complete'")
 
     arm(page, board)
     since = time.time()
