@@ -57,7 +57,7 @@ class Board(Program):
                 return at - since
 
     def rises(self, seconds=10):
-        """Whether it becomes high within so many seconds."""
+        """Waits until it is high; returns False where that takes longer."""
         try:
             while not self.changes.get(timeout=seconds)[0]:
                 pass
