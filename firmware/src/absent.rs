@@ -2,9 +2,9 @@
 
 use dea_driver::wire::{InjectedFault, Inspection, Part};
 use dea_driver::{AmplifierError, Controller, Drive, Inputs};
-use stm32f4xx_hal::rcc::Rcc;
 
 use crate::board::Pins;
+use crate::family::Rcc;
 
 /// There is no bus.
 pub type AdcBus = ();

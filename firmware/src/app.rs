@@ -1,28 +1,25 @@
 //! The tasks: the control tick, the bytes of the link, and the background. Every image has them, on its own bench and machine.
 
-#[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
+#[rtic::app(device = crate::family::pac, peripherals = false)]
 mod tasks {
     use cortex_m::peripheral::SCB;
     use dea_driver::server::{FlightRecorder, Session, StartError};
     use dea_driver::wire::{FRAME_LEN, Message, encode};
     use dea_driver::{Cause, Device, Drive, DriverState, Store, StoreError};
     use heapless::spsc::{Consumer, Producer, Queue};
-    use stm32f4xx_hal::hal_02::serial::Write;
-    use stm32f4xx_hal::pac::{DBGMCU, Interrupt, USART2};
-    use stm32f4xx_hal::prelude::*;
-    use stm32f4xx_hal::serial::{Event, Serial};
-    use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
     use crate::background::{self, Background, FlightMemory, Ticker};
     use crate::bench::{AdcBus, Bench};
-    use crate::board::{self, DARK, Light};
+    use crate::board::{self, DARK};
     use crate::clock::{self, Captures, Clocks, Watch};
-    use crate::flash::ParameterFlash;
+    use crate::family::flash::ParameterFlash;
+    use crate::family::pac::Interrupt;
+    use crate::family::serial::{self, Port};
+    use crate::family::{self, Chip, reset};
     use crate::machine;
     use crate::panic::Message as PanicMessage;
-    use crate::parts::Parts;
-    use crate::reset;
-    use crate::serial;
+    use crate::pin::Pin;
+    use crate::watchdog::{self, Watchdog};
 
     /// Until there are parameters.
     const RATE_HZ: f32 = 1000.0;
@@ -34,18 +31,17 @@ mod tasks {
     #[shared]
     struct Shared {
         device: Device,
-        watchdog: IndependentWatchdog,
+        watchdog: Watchdog,
         recorder: FlightRecorder<FlightMemory>,
     }
 
     #[local]
     struct Local {
         bench: Bench,
-        debug: DBGMCU,
-        led: Light,
+        led: Pin,
         captures: Captures,
         watch: Watch,
-        serial: Serial<USART2>,
+        serial: Port,
         rx: Producer<'static, u8>,
         received: Consumer<'static, u8>,
         sending: Producer<'static, u8>,
@@ -62,27 +58,15 @@ mod tasks {
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         machine::start();
-        let chip = cx.device;
+        let chip = Chip::take();
         let panic_message = PanicMessage::take();
-        let mut latched = reset::cause(&chip.RCC, &panic_message);
+        let mut latched = reset::cause(&chip.rcc, &panic_message);
         let avoid = panic_message.as_str().starts_with(clock::PANIC);
-        let Clocks { mut rcc, fault, captures, watch } = clock::start(chip.RCC, chip.TIM5, board::CRYSTAL_HZ, avoid);
+        let rcc = family::constrain(chip.rcc);
+        let Clocks { mut rcc, fault, captures, watch } = clock::start(rcc, chip.timer, board::CRYSTAL_HZ, avoid);
 
         // The amplifier's enable output is low before anything else is set up.
-        let parts = Parts {
-            gpioa: chip.GPIOA,
-            gpiob: chip.GPIOB,
-            gpioc: chip.GPIOC,
-            gpiod: chip.GPIOD,
-            gpioe: chip.GPIOE,
-            spi1: chip.SPI1,
-            spi2: chip.SPI2,
-            adc1: chip.ADC1,
-            adc2: chip.ADC2,
-            adc_common: chip.ADC_COMMON,
-            dac: chip.DAC,
-        };
-        let (led, (tx, rx), pins) = board::start(parts, &mut rcc);
+        let (led, link, pins) = board::start(chip.parts, &mut rcc);
 
         let core_hz = machine::core_hz(&rcc);
         defmt::info!("firmware {}, core at {} Hz", env!("CARGO_PKG_VERSION"), core_hz);
@@ -90,48 +74,28 @@ mod tasks {
 
         let bench = Bench::new(pins, cx.local.adc_bus, &mut rcc);
 
-        let Ok(serial) = serial::open(chip.USART2, tx, rx, &mut rcc) else {
-            panic!("the clock is too slow for the link")
-        };
+        let Ok(serial) = serial::open(chip.usart, link, &mut rcc) else { panic!("the clock is too slow for the link") };
         let (rx, received) = cx.local.incoming.split();
         let (sending, tx) = cx.local.outgoing.split();
 
-        latched = latched.or(reset::check_option_bytes(&chip.FLASH));
-        let Ok(store) = Store::with_converters(ParameterFlash::new(chip.FLASH), board::ID, board::CONVERTERS) else {
-            panic!("two sectors hold two slots")
+        latched = latched.or(reset::check_option_bytes(&chip.flash));
+        let Ok(store) = Store::with_converters(ParameterFlash::new(chip.flash), board::ID, board::CONVERTERS) else {
+            panic!("the flash holds two slots")
         };
-        let mut watchdog = IndependentWatchdog::new(chip.IWDG);
-        let debug = chip.DBGMCU;
-        background::outlive_debugger(&debug);
+        let mut watchdog = Watchdog::take();
+        watchdog::outlive_debugger();
         background::watch(&mut watchdog);
         let ticker = Ticker::start(cx.core.SYST, core_hz, RATE_HZ);
         let shared = Shared { device: Device::new(latched), watchdog, recorder: background::flight_recorder() };
-        (
-            shared,
-            Local {
-                bench,
-                debug,
-                led,
-                captures,
-                watch,
-                serial,
-                rx,
-                received,
-                sending,
-                tx,
-                store,
-                ticker,
-                panic_message,
-            },
-        )
+        (shared, Local { bench, led, captures, watch, serial, rx, received, sending, tx, store, ticker, panic_message })
     }
 
     /// The control tick.
-    #[task(binds = SysTick, priority = 2, local = [bench, debug, led, watch, micros: u32 = 0], shared = [device, watchdog, recorder])]
+    #[task(binds = SysTick, priority = 2, local = [bench, led, watch, micros: u32 = 0], shared = [device, watchdog, recorder])]
     fn tick(mut cx: tick::Context) {
-        let tick::LocalResources { bench, debug, led, watch, micros, .. } = cx.local;
+        let tick::LocalResources { bench, led, watch, micros, .. } = cx.local;
         machine::begin_tick();
-        background::outlive_debugger(debug);
+        watchdog::outlive_debugger();
         let (state, is_served, rate_hz, record) = cx.shared.device.lock(|device| {
             bench.prepare(device.controller());
             let drive = device.tick(bench.sample());
@@ -164,10 +128,10 @@ mod tasks {
             DriverState::Tripped(Cause::LiveFilm) => *micros & 0xf << 15 == 0,
             DriverState::Tripped(_) => *micros & 1 << 16 == 0,
         };
-        led.set_state(if dark { DARK } else { !DARK });
+        led.set(dark == DARK);
         // Last, and only if the background still serves the host.
         if is_served {
-            cx.shared.watchdog.lock(IndependentWatchdog::feed);
+            cx.shared.watchdog.lock(Watchdog::feed);
         }
     }
 
@@ -186,16 +150,7 @@ mod tasks {
         {
             background::lose_byte();
         }
-        if serial.is_tx_empty() {
-            match tx.dequeue() {
-                Some(byte) => {
-                    // It is empty, so there is no waiting.
-                    let _ = Write::write(serial, byte);
-                    serial.listen(Event::TxEmpty);
-                }
-                None => serial.unlisten(Event::TxEmpty),
-            }
-        }
+        serial::send(serial, || tx.dequeue());
     }
 
     /// Requests and telemetry, in the time that is left.

@@ -10,13 +10,12 @@ use dea_driver::server::{Board, FlightRecorder, FlightSlot, Image};
 use dea_driver::wire::{FlightRecord, InjectedFault};
 use dea_driver::{Device, Store, StoreError};
 use rtic::Mutex;
-use stm32f4xx_hal::pac::{DBGMCU, IWDG};
-use stm32f4xx_hal::prelude::*;
-use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
 use crate::board::{self, CYCLES_PER_TICK};
-use crate::flash::ParameterFlash;
+use crate::family::flash::ParameterFlash;
+use crate::family::{FLIGHT_SLOTS, INTERRUPTS};
 use crate::panic::{self, Message};
+use crate::watchdog::Watchdog;
 
 /// The slowest tick, Hz: the counter has 24 bits, and the watchdog waits for 50 ms.
 pub const MIN_RATE_HZ: f32 = 100.0;
@@ -26,10 +25,8 @@ const MAX_RATE_HZ: f32 = 5000.0;
 const WATCHDOG_MS: u32 = 50;
 /// For so long the flash may hold up everything, ms: erasing 16 KiB takes 0.8 s at the most.
 const FLASH_MS: u32 = 4000;
-/// Words of the vector table: those of the core, and 82 interrupts of the chip.
-const VECTORS: usize = 16 + 82;
-/// How often the watchdog is asked whether it has taken its settings over: some milliseconds; it needs 0.2 ms.
-const PATIENCE: u32 = 20_000;
+/// Words of the vector table: those of the core, and the interrupts of the chip.
+const VECTORS: usize = 16 + INTERRUPTS;
 
 /// Ticks: SysTick at the core's clock.
 pub struct Ticker {
@@ -54,19 +51,10 @@ impl Ticker {
     }
 }
 
-/// Lets the watchdog go on while a debugger halts the core: the film would stay at high voltage otherwise. Debuggers set this bit
-/// when they attach, so it is cleared in every tick.
-pub fn outlive_debugger(debug: &DBGMCU) {
-    debug.apb1_fz().modify(|_, w| w.dbg_iwdg_stop().clear_bit());
-}
-
 /// Starts the watchdog.
-pub fn watch(watchdog: &mut IndependentWatchdog) {
-    set_watchdog(watchdog, WATCHDOG_MS);
+pub fn watch(watchdog: &mut Watchdog) {
+    watchdog.wait_for(WATCHDOG_MS);
 }
-
-/// Ticks that the flight recorder keeps: two seconds.
-const FLIGHT_SLOTS: usize = 2048;
 
 /// Memory of the flight recorder.
 pub type FlightMemory = &'static mut [FlightSlot; FLIGHT_SLOTS];
@@ -115,18 +103,6 @@ pub fn is_watchdog_expiring() -> bool {
     EXPIRING.load(Ordering::Relaxed)
 }
 
-/// Lets it wait for `ms`. Its registers belong to a slow clock: they take nothing while they still take over what came before,
-/// and count from what they had until they have it.
-fn set_watchdog(watchdog: &mut IndependentWatchdog, ms: u32) {
-    // SAFETY: its status is only read.
-    let status = unsafe { &*IWDG::ptr() }.sr();
-    let settles = || (0..PATIENCE).any(|_| status.read().bits() == 0);
-    settles();
-    watchdog.start(ms.millis());
-    settles();
-    watchdog.feed();
-}
-
 /// The board, as the link's background sees it.
 pub struct Background<'a, D, W, F> {
     pub device: D,
@@ -141,7 +117,7 @@ pub struct Background<'a, D, W, F> {
 impl<D, W, F> Board for Background<'_, D, W, F>
 where
     D: Mutex<T = Device>,
-    W: Mutex<T = IndependentWatchdog>,
+    W: Mutex<T = Watchdog>,
     F: Mutex<T = FlightRecorder<FlightMemory>>,
 {
     type Flash = ParameterFlash;
@@ -170,7 +146,7 @@ where
     }
 
     fn save(&mut self, blob: &[u8]) -> Result<(), StoreError> {
-        self.watchdog.lock(|watchdog| set_watchdog(watchdog, FLASH_MS));
+        self.watchdog.lock(|watchdog| watchdog.wait_for(FLASH_MS));
         let saved = self.store.save(blob);
         self.watchdog.lock(watch);
         saved.map(drop)

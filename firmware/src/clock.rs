@@ -1,19 +1,15 @@
-//! The clocks: 168 MHz from the crystal, or 16 MHz from the internal oscillator where the crystal does not start, stops, or is
+//! The clocks: the highest from the crystal, or 16 MHz from the internal oscillator where the crystal does not start, stops, or is
 //! another one. While the firmware runs, the slow oscillator of the watchdog is compared with the core's clock.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use dea_driver::Cause;
-use stm32f4xx_hal::pac::{RCC, TIM5, rcc};
-use stm32f4xx_hal::prelude::*;
-use stm32f4xx_hal::rcc::{BusTimerClock, Config, Rcc};
 
-/// The core, Hz.
-pub const CORE_HZ: u32 = 168_000_000;
+use super::family::Rcc;
+use super::family::tree::{self, PATIENCE, Timer};
+
 /// The internal oscillator, Hz.
 const INTERNAL_HZ: f32 = 16e6;
-/// How often a ready bit is asked for: some 20 ms on the internal oscillator, ten times what a crystal takes.
-const PATIENCE: u32 = 50_000;
 /// How a panic over the clock begins. The run after it is on the internal oscillator.
 pub const PANIC: &str = "clock";
 /// Largest difference of the two clocks: the internal oscillator is off by 8 % at the most.
@@ -59,32 +55,30 @@ pub struct Clocks {
 ///
 /// The waits of the library have no end, so what it will wait for is seen to come first. The crystal is compared with the internal
 /// oscillator before the loop multiplies it: a loop on another one is beyond its limits, and the core with it.
-pub fn start(rcc: RCC, timer: TIM5, crystal_hz: u32, avoid: bool) -> Clocks {
-    let (rcc, fault, expected) = set(rcc.constrain(), &timer, crystal_hz, avoid);
+pub fn start(rcc: Rcc, timer: Timer, crystal_hz: u32, avoid: bool) -> Clocks {
+    let (rcc, fault, expected) = set(rcc, &timer, crystal_hz, avoid);
     MEASURED.store(0, Ordering::Relaxed);
     if expected.is_some() {
-        rcc.apb1enr().modify(|_, w| w.tim5en().set_bit());
-        listen(&timer);
-        timer.dier().write(|w| w.cc4ie().set_bit());
+        tree::clock_timer(&rcc, true);
+        timer.listen();
+        timer.interrupt();
     }
     let watch = Watch { expected, silent_s: 0.0, fault: None, cause: None };
     Clocks { rcc, fault, captures: Captures { timer, first: 0, missing: CAPTURES + 1 }, watch }
 }
 
 /// Sets the clocks: with what is wrong, and the counts of the timer over 128 periods of the slow oscillator as they will be.
-fn set(rcc: Rcc, timer: &TIM5, crystal_hz: u32, avoid: bool) -> (Rcc, Option<ClockFault>, Option<f32>) {
+fn set(rcc: Rcc, timer: &Timer, crystal_hz: u32, avoid: bool) -> (Rcc, Option<ClockFault>, Option<f32>) {
     if avoid {
         return on_internal(rcc, timer, ClockFault::LastRun);
     }
-    rcc.cr().modify(|_, w| w.hseon().set_bit());
-    if !comes(&rcc, |cr| cr.hserdy().bit_is_set()) {
+    if !tree::crystal_starts(&rcc) {
         return on_internal(rcc, timer, ClockFault::Crystal);
     }
     let before = slow_period(&rcc, timer);
-    let rcc = rcc.freeze(Config::hse(crystal_hz.Hz()));
+    let rcc = tree::on_crystal(rcc, crystal_hz);
     let after = slow_period(&rcc, timer);
-    let hz = |rcc: &Rcc| TIM5::timer_clock(&rcc.clocks).raw() as f32;
-    let timer_hz = hz(&rcc);
+    let timer_hz = tree::timer_hz(&rcc);
     // A crystal of another frequency would stretch every time that the limits state.
     let mut fault = Some(ClockFault::Slow);
     if let (Some(before), Some(after)) = (before, after) {
@@ -93,75 +87,38 @@ fn set(rcc: Rcc, timer: &TIM5, crystal_hz: u32, avoid: bool) -> (Rcc, Option<Clo
         assert!(off <= TOLERANCE, "{PANIC}: another crystal than {} MHz", crystal_hz / 1_000_000);
         fault = None;
     }
-    if !loop_locks(&rcc, crystal_hz) {
+    if !tree::loop_locks(&rcc, crystal_hz) {
         return on_internal(rcc, timer, ClockFault::Loop);
     }
-    let rcc = rcc.freeze(Config::hse(crystal_hz.Hz()).sysclk(CORE_HZ.Hz()));
-    // From now on a crystal that stops ends in a non-maskable interrupt.
-    rcc.cr().modify(|_, w| w.csson().set_bit());
-    let expected = after.map(|after| after as f32 * (hz(&rcc) / timer_hz));
+    let rcc = tree::on_loop(rcc, crystal_hz);
+    tree::watch_crystal(&rcc);
+    let expected = after.map(|after| after as f32 * (tree::timer_hz(&rcc) / timer_hz));
     (rcc, fault, expected)
 }
 
 /// The core on the internal oscillator, and the crystal's off, because of a `fault`.
-fn on_internal(rcc: Rcc, timer: &TIM5, fault: ClockFault) -> (Rcc, Option<ClockFault>, Option<f32>) {
-    let rcc = rcc.freeze(Config::hsi());
-    rcc.cr().modify(|_, w| w.hseon().clear_bit());
+fn on_internal(rcc: Rcc, timer: &Timer, fault: ClockFault) -> (Rcc, Option<ClockFault>, Option<f32>) {
+    let rcc = tree::on_internal(rcc);
     let expected = slow_period(&rcc, timer).map(|counts| counts as f32);
     (rcc, Some(fault), expected)
 }
 
-/// Whether the loop locks as it will run: a crystal of 8 MHz / 4 × 168 / 2 = 168 MHz. At its reset values it would have 0.5 MHz where it needs
-/// 1 to 2, and make 96 MHz where it makes 100 at least. It is off again afterwards.
-fn loop_locks(rcc: &RCC, crystal_hz: u32) -> bool {
-    rcc.pllcfgr().modify(|_, w| {
-        w.pllsrc().hse();
-        // SAFETY: the crystal by this is 2 MHz, by 168 336 MHz, and by 7 48 MHz: within what the reference manual allows.
-        unsafe { w.pllm().bits((crystal_hz / 2_000_000) as u8).plln().bits(168).pllq().bits(7) };
-        w.pllp().div2()
-    });
-    rcc.cr().modify(|_, w| w.pllon().set_bit());
-    let locks = comes(rcc, |cr| cr.pllrdy().bit_is_set());
-    rcc.cr().modify(|_, w| w.pllon().clear_bit());
-    locks && comes(rcc, |cr| cr.pllrdy().bit_is_clear())
-}
-
-fn comes(rcc: &RCC, ready: impl Fn(&rcc::cr::R) -> bool) -> bool {
-    (0..PATIENCE).any(|_| ready(&rcc.cr().read()))
-}
-
 /// Counts of `timer` over 128 periods of the watchdog's own oscillator, 4 ms; none if it does not run. Its frequency is known to
 /// half of it only, but it does not change within a few milliseconds, and little while the chip warms.
-fn slow_period(rcc: &RCC, timer: &TIM5) -> Option<u32> {
-    rcc.csr().modify(|_, w| w.lsion().set_bit());
-    if !(0..PATIENCE).any(|_| rcc.csr().read().lsirdy().bit_is_set()) {
+fn slow_period(rcc: &Rcc, timer: &Timer) -> Option<u32> {
+    if !tree::slow_starts(rcc) {
         return None;
     }
-    rcc.apb1enr().modify(|_, w| w.tim5en().set_bit());
+    tree::clock_timer(rcc, true);
     let captures = capture(timer);
-    timer.cr1().write(|w| w.cen().clear_bit());
-    rcc.apb1enr().modify(|_, w| w.tim5en().clear_bit());
+    timer.stop();
+    tree::clock_timer(rcc, false);
     captures
 }
 
-/// Channel 4 of the timer captures every eighth edge of the slow oscillator from now on.
-fn listen(timer: &TIM5) {
-    // SAFETY: 1 is the slow oscillator, one of the four inputs that the channel has.
-    timer.or().write(|w| unsafe { w.it4_rmp().bits(1) });
-    timer.arr().write(|w| w.arr().set(u32::MAX));
-    timer.ccmr2_input().write(|w| w.cc4s().ti4().ic4psc().set(0b11));
-    timer.ccer().write(|w| w.cc4e().set_bit());
-    timer.egr().write(|w| w.ug().set_bit());
-    timer.cr1().write(|w| w.cen().set_bit());
-}
-
-fn capture(timer: &TIM5) -> Option<u32> {
-    listen(timer);
-    let next = || {
-        (0..PATIENCE).find(|_| timer.sr().read().cc4if().bit_is_set())?;
-        // Reading it clears the flag.
-        Some(timer.ccr4().read().bits())
-    };
+fn capture(timer: &Timer) -> Option<u32> {
+    timer.listen();
+    let next = || (0..PATIENCE).find(|_| timer.has_captured()).map(|_| timer.captured());
     // The first one may have been on its way.
     next()?;
     let first = next()?;
@@ -174,7 +131,7 @@ fn capture(timer: &TIM5) -> Option<u32> {
 
 /// The timer that captures edges of the slow oscillator while the firmware runs.
 pub struct Captures {
-    timer: TIM5,
+    timer: Timer,
     first: u32,
     /// Captures that are missing until a measurement is complete.
     missing: u32,
@@ -184,11 +141,9 @@ impl Captures {
     /// Takes a capture over: to be called from the interrupt of the timer, below the tick. A measurement begins again where captures were missed,
     /// as while the flash is erased.
     pub fn take(&mut self) {
-        let missed = self.timer.sr().read().cc4of().bit_is_set();
-        // Reading it clears the flag.
-        let at = self.timer.ccr4().read().bits();
+        let missed = self.timer.has_missed();
+        let at = self.timer.captured();
         if missed {
-            self.timer.sr().modify(|_, w| w.cc4of().clear_bit());
             self.missing = CAPTURES + 1;
         }
         self.missing -= 1;

@@ -15,13 +15,14 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use cortex_m::peripheral::{SCB, SYST};
 use dea_driver::wire::BAUD;
 use dea_driver::{BlobError, Cause};
-use stm32f4xx_hal::pac::{Interrupt, USART2};
+use stm32f4xx_hal::pac::Interrupt;
 use stm32f4xx_hal::prelude::*;
-use stm32f4xx_hal::rcc::Rcc;
-use stm32f4xx_hal::serial::{Event, Serial};
+use stm32f4xx_hal::serial::Event;
 
-use crate::clock::{CORE_HZ, ClockFault};
-use crate::serial;
+use crate::clock::ClockFault;
+use crate::family::Rcc;
+use crate::family::serial::{self, Port};
+use crate::family::tree::CORE_HZ;
 
 /// Cycles of the core that a byte takes on the line: ten bits.
 const CYCLES_PER_BYTE: u32 = CORE_HZ / (BAUD / 10);
@@ -76,7 +77,7 @@ pub fn begin_tick() {
 }
 
 /// The byte that has come, if the line could have brought it by now.
-pub fn received(port: &mut Serial<USART2>) -> Option<u8> {
+pub fn received(port: &mut Port) -> Option<u8> {
     let allowed = ALLOWED.load(Ordering::Relaxed);
     if allowed == 0 {
         // It stays where it is until the next tick.

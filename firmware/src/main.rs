@@ -26,10 +26,10 @@ mod background;
 #[path = "boards/stm32_h405.rs"]
 mod board;
 mod clock;
-mod flash;
+#[path = "f4/mod.rs"]
+mod family;
 #[path = "chip.rs"]
 mod machine;
 mod panic;
-mod parts;
-mod reset;
-mod serial;
+mod pin;
+mod watchdog;

@@ -12,10 +12,10 @@ mod bench;
 #[path = "boards/stm32_h405.rs"]
 mod board;
 mod clock;
-mod flash;
+#[path = "f4/mod.rs"]
+mod family;
 #[path = "emulated.rs"]
 mod machine;
 mod panic;
-mod parts;
-mod reset;
-mod serial;
+mod pin;
+mod watchdog;

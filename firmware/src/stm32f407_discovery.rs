@@ -11,11 +11,11 @@ mod background;
 #[path = "boards/stm32f407_discovery.rs"]
 mod board;
 mod clock;
-mod flash;
+#[path = "f4/mod.rs"]
+mod family;
 #[path = "chip.rs"]
 mod machine;
 mod on_chip;
 mod panic;
-mod parts;
-mod reset;
-mod serial;
+mod pin;
+mod watchdog;

@@ -7,9 +7,9 @@ use core::sync::atomic::{AtomicU8, Ordering};
 use dea_driver::chips::{AdcCode, AdcRange};
 use dea_driver::wire::{InjectedFault, Inspection, Part};
 use dea_driver::{AmplifierError, Controller, Drive, Inputs};
-use stm32f4xx_hal::rcc::Rcc;
 
 use crate::board::Pins;
+use crate::family::Rcc;
 use crate::film::Film;
 
 /// The fault to inject: its place in [`FAULTS`], from 1; 0 for no fault.

@@ -12,11 +12,11 @@ mod bench;
 #[path = "boards/stm32_h405.rs"]
 mod board;
 mod clock;
+#[path = "f4/mod.rs"]
+mod family;
 mod film;
-mod flash;
 #[path = "emulated.rs"]
 mod machine;
 mod panic;
-mod parts;
-mod reset;
-mod serial;
+mod pin;
+mod watchdog;

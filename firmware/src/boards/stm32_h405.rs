@@ -6,14 +6,16 @@ use dea_driver::wire::{InjectedFault, Inspection, Part, boards};
 use dea_driver::{AdcError, Ads868x, Amplifier, AmplifierError, Controller, Drive, Inputs};
 use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice, NoDelay};
 use embedded_hal_bus::util::AtomicCell;
-use stm32f4xx_hal::gpio::{Input, Output, PA2, PA3, PB0, PB1, PB12, PC6, PC7, PC12, PinState, Speed, gpioa, gpiob};
+use stm32f4xx_hal::gpio::{Input, Output, PB0, PB1, PB12, PC6, PC7, PinState, Speed, gpioa, gpiob};
 use stm32f4xx_hal::hal::spi::{MODE_0, MODE_1};
-use stm32f4xx_hal::pac::{GPIOC, SPI1, SPI2};
+use stm32f4xx_hal::pac::{SPI1, SPI2};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Rcc;
 use stm32f4xx_hal::spi::Spi;
 
-use crate::parts::Parts;
+use super::family::parts::Parts;
+use super::family::{pin, serial};
+use crate::pin::Pin;
 
 /// Its number.
 pub const ID: u16 = boards::STM32F405;
@@ -34,11 +36,7 @@ pub const CONVERTERS: Converters = Converters {
 pub const CYCLES_PER_TICK: f32 = 9600.0;
 
 /// The light hangs between supply and pin.
-pub const DARK: PinState = PinState::High;
-pub type Light = PC12<Output>;
-
-/// The link's pins: out, in.
-pub type Link = (PA2, PA3);
+pub const DARK: bool = true;
 
 /// Clock of both buses, Hz: 42 MHz by 8, and 84 MHz by 16. The DAC reads back at up to 17 MHz; the wires are meant for 10 MHz, and the
 /// next step is 10.5 MHz.
@@ -52,10 +50,9 @@ pub type AdcBus = AtomicCell<Spi<SPI1>>;
 type Adc<CS> = Ads868x<AtomicDevice<'static, Spi<SPI1>, CS, NoDelay>>;
 type Dac = ExclusiveDevice<Spi<SPI2>, PB12<Output>, NoDelay>;
 
-/// Lowers the enable output by its register, for a panic.
+/// Lowers the enable output, for a panic.
 pub fn disable() {
-    // SAFETY: the register sets and clears single pins.
-    unsafe { &*GPIOC::ptr() }.bsrr().write(|w| w.br6().set_bit());
+    pin('C', 6).set(false);
 }
 
 /// The pins of the bench, as they are after a reset, but for the enable output, which is low, and their peripherals.
@@ -71,10 +68,10 @@ pub struct Pins {
 }
 
 /// The amplifier's enable output, low, before anything else is set up, and then the light, dark. The other pins stay as they are.
-pub fn start(parts: Parts, rcc: &mut Rcc) -> (Light, Link, Pins) {
+pub fn start(parts: Parts, rcc: &mut Rcc) -> (Pin, serial::Pins, Pins) {
     let port_c = parts.gpioc.split(rcc);
     let enable = port_c.pc6.into_push_pull_output_in_state(PinState::Low);
-    let light = port_c.pc12.into_push_pull_output_in_state(DARK);
+    let light = pin('C', 12).output(DARK);
     let port_a = parts.gpioa.split(rcc);
     let adc = (port_a.pa5, port_a.pa6, port_a.pa7);
     let port_b = parts.gpiob.split(rcc);
@@ -156,8 +153,7 @@ impl Bench {
         let interlock_closed = self.interlock.is_high();
         self.found = Inspection {
             interlock_closed,
-            // SAFETY: the pin's level is only read.
-            enable_high: unsafe { &*GPIOC::PTR }.idr().read().idr6().bit_is_set(),
+            enable_high: pin('C', 6).is_high(),
             dac: self.found.dac,
             monitor: monitor.into(),
             sensor: sensor.into(),

@@ -3,8 +3,10 @@
 use board_on_host::board::Board;
 use board_on_host::chip::clocks::Source;
 use board_on_host::chip::rcc::{CSSON, HSEON, Loop, Oscillators, PLLON};
-use board_on_host::clock::{self, ClockFault, Clocks};
-use board_on_host::stm32_h405::CRYSTAL_HZ;
+use board_on_host::f4::clock::{self, ClockFault, Clocks};
+use board_on_host::f4::family::tree::Timer;
+use board_on_host::f4::stm32_h405::CRYSTAL_HZ;
+use board_on_host::hal::rcc::RccExt;
 use dea_driver::Cause;
 
 const GOOD: Oscillators =
@@ -13,7 +15,7 @@ const GOOD: Oscillators =
 /// Sets the clocks: the fault and the core's frequency as the firmware has it, Hz.
 fn start(board: &Board, avoid: bool) -> Result<(Option<ClockFault>, u32), String> {
     board.run(move |chip| {
-        let clocks = clock::start(chip.RCC, chip.TIM5, CRYSTAL_HZ, avoid);
+        let clocks = clock::start(chip.RCC.constrain(), Timer(chip.TIM5), CRYSTAL_HZ, avoid);
         (clocks.fault, clocks.rcc.clocks.sysclk().raw())
     })
 }
@@ -129,7 +131,9 @@ struct Running<'a> {
 
 impl<'a> Running<'a> {
     fn new(board: &'a Board, avoid: bool) -> Self {
-        let clocks = board.run(|chip| clock::start(chip.RCC, chip.TIM5, CRYSTAL_HZ, avoid)).expect("no panic");
+        let clocks = board
+            .run(|chip| clock::start(chip.RCC.constrain(), Timer(chip.TIM5), CRYSTAL_HZ, avoid))
+            .expect("no panic");
         Self { board, clocks, faults: std::cell::RefCell::default() }
     }
 

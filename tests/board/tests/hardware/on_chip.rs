@@ -5,10 +5,10 @@ use board_on_host::chip::Block;
 use board_on_host::chip::gpio::Pin;
 use board_on_host::chip::rcc::Oscillators;
 use board_on_host::chip::violation::Violation;
+use board_on_host::f4::on_chip::MAX_SUPPLY_CHANGE;
+use board_on_host::f4::stm32f407_discovery::{Bench, CYCLES_PER_TICK};
 use board_on_host::hal::prelude::*;
 use board_on_host::hal::rcc::Config;
-use board_on_host::on_chip::MAX_SUPPLY_CHANGE;
-use board_on_host::stm32f407_discovery::{Bench, CYCLES_PER_TICK};
 use dea_driver::AmplifierError;
 use dea_driver::wire::Part;
 

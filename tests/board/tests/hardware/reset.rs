@@ -1,11 +1,11 @@
-//! `firmware/src/reset.rs`: which cause is latched after which reset, and what the option bytes leave out.
+//! `firmware/src/f4/reset.rs`: which cause is latched after which reset, and what the option bytes leave out.
 
 use board_on_host::board::Board;
 use board_on_host::chip::memory::Memory;
 use board_on_host::chip::rcc::{Oscillators, reset_flag};
+use board_on_host::f4::family::reset;
 use board_on_host::log::Level;
 use board_on_host::panic::Message;
-use board_on_host::reset;
 use dea_driver::Cause;
 
 /// The cause after a reset with these flags, and the flags that are left.

@@ -1,14 +1,14 @@
-//! `firmware/src/serial.rs`: the link's line, at both clocks of the core.
+//! `firmware/src/f4/serial.rs`: the link's line, at both clocks of the core.
 
 use board_on_host::board::Board;
 use board_on_host::chip::rcc::Oscillators;
 use board_on_host::chip::usart::flag;
+use board_on_host::f4::family::serial::{open, received};
 use board_on_host::hal::hal_02::serial::Write;
 use board_on_host::hal::pac::USART2;
 use board_on_host::hal::prelude::*;
 use board_on_host::hal::rcc::Config;
 use board_on_host::hal::serial::Serial;
-use board_on_host::serial::{open, received};
 use dea_driver::wire::BAUD;
 
 use super::start::crystal;
@@ -17,7 +17,7 @@ fn port(board: &Board, config: Config) -> Serial<USART2> {
     let chip = board.peripherals();
     let mut rcc = chip.RCC.freeze(config);
     let port_a = chip.GPIOA.split(&mut rcc);
-    match open(chip.USART2, port_a.pa2, port_a.pa3, &mut rcc) {
+    match open(chip.USART2, (port_a.pa2, port_a.pa3), &mut rcc) {
         Ok(serial) => serial,
         Err(_) => panic!("the clock is too slow for the link"),
     }

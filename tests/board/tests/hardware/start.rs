@@ -1,15 +1,12 @@
 //! The firmware's start, from the clocks on, in its order.
 
 use board_on_host::board::Board;
-use board_on_host::clock::CORE_HZ;
-use board_on_host::hal::gpio::{PA2, PA3};
-use board_on_host::hal::pac::Peripherals;
+use board_on_host::f4::family::tree::CORE_HZ;
+use board_on_host::f4::family::{Chip, serial};
+use board_on_host::f4::stm32_h405::{self, Bench};
+use board_on_host::f4::stm32f407_discovery;
 use board_on_host::hal::prelude::*;
 use board_on_host::hal::rcc::{Config, Rcc};
-use board_on_host::parts::Parts;
-use board_on_host::serial;
-use board_on_host::stm32_h405::{self, Bench};
-use board_on_host::stm32f407_discovery;
 
 /// The crystal's clocks, set without a look at the crystal, which takes 60 000 accesses.
 pub fn crystal() -> Config {
@@ -22,40 +19,23 @@ pub fn start(board: &Board) -> Bench {
 }
 
 pub fn start_on(board: &Board, clocks: Config) -> Bench {
-    let mut rcc = board.peripherals().RCC.freeze(clocks);
-    let (_, link, pins) = stm32_h405::start(parts(board.peripherals()), &mut rcc);
+    let (mut rcc, chip) = on(board, clocks);
+    let (_, link, pins) = stm32_h405::start(chip.parts, &mut rcc);
     let bench = Bench::new(pins, Box::leak(Box::new(None)), &mut rcc);
-    open(board, link, &mut rcc);
+    assert!(serial::open(chip.usart, link, &mut rcc).is_ok(), "the clock is too slow for the link");
     bench
 }
 
 /// The same on ST's STM32F4DISCOVERY.
 pub fn start_discovery(board: &Board, clocks: Config) -> stm32f407_discovery::Bench {
-    let mut rcc = board.peripherals().RCC.freeze(clocks);
-    let (_, link, pins) = stm32f407_discovery::start(parts(board.peripherals()), &mut rcc);
+    let (mut rcc, chip) = on(board, clocks);
+    let (_, link, pins) = stm32f407_discovery::start(chip.parts, &mut rcc);
     let bench = stm32f407_discovery::Bench::new(pins, Box::leak(Box::new(None)), &mut rcc);
-    open(board, link, &mut rcc);
+    assert!(serial::open(chip.usart, link, &mut rcc).is_ok(), "the clock is too slow for the link");
     bench
 }
 
-fn open(board: &Board, (tx, rx): (PA2, PA3), rcc: &mut Rcc) {
-    let link = serial::open(board.peripherals().USART2, tx, rx, rcc);
-    assert!(link.is_ok(), "the clock is too slow for the link");
-}
-
-/// The peripherals that a board may use.
-fn parts(chip: Peripherals) -> Parts {
-    Parts {
-        gpioa: chip.GPIOA,
-        gpiob: chip.GPIOB,
-        gpioc: chip.GPIOC,
-        gpiod: chip.GPIOD,
-        gpioe: chip.GPIOE,
-        spi1: chip.SPI1,
-        spi2: chip.SPI2,
-        adc1: chip.ADC1,
-        adc2: chip.ADC2,
-        adc_common: chip.ADC_COMMON,
-        dac: chip.DAC,
-    }
+/// The chip on these clocks.
+fn on(board: &Board, clocks: Config) -> (Rcc, Chip) {
+    (board.peripherals().RCC.freeze(clocks), Chip::take())
 }

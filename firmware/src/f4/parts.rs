@@ -1,8 +1,8 @@
 //! The peripherals that a board may use. Clocks, timer of the ticks, link, flash and watchdog belong to the application.
 
-use stm32f4xx_hal::pac::{ADC_COMMON, ADC1, ADC2, DAC, GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, SPI1, SPI2};
+use stm32f4xx_hal::pac::{GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, SPI1, SPI2};
 
-/// Peripherals for the pins and the converters of a board.
+/// Peripherals for the pins and the converters of a board. Those on the chip are in [`converters`](super::converters).
 #[allow(dead_code)] // no board uses all of them
 pub struct Parts {
     pub gpioa: GPIOA,
@@ -12,8 +12,4 @@ pub struct Parts {
     pub gpioe: GPIOE,
     pub spi1: SPI1,
     pub spi2: SPI2,
-    pub adc1: ADC1,
-    pub adc2: ADC2,
-    pub adc_common: ADC_COMMON,
-    pub dac: DAC,
 }

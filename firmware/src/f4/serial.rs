@@ -2,14 +2,20 @@
 
 use dea_driver::wire::BAUD;
 use stm32f4xx_hal::gpio::{PA2, PA3};
+use stm32f4xx_hal::hal_02::serial::Write;
 use stm32f4xx_hal::pac::USART2;
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Rcc;
 use stm32f4xx_hal::serial::config::InvalidConfig;
 use stm32f4xx_hal::serial::{Config, Event, Serial};
 
+/// The port.
+pub type Port = Serial<USART2>;
+/// Its pins: out, in.
+pub type Pins = (PA2, PA3);
+
 /// Opens the port, listening. The line is pulled up, so that one which is not connected is quiet.
-pub fn open(usart: USART2, tx: PA2, rx: PA3, rcc: &mut Rcc) -> Result<Serial<USART2>, InvalidConfig> {
+pub fn open(usart: USART2, (tx, rx): Pins, rcc: &mut Rcc) -> Result<Port, InvalidConfig> {
     let rx = rx.into_alternate().internal_pull_up(true);
     let mut serial = Serial::new(usart, (tx, rx), Config::default().baudrate(BAUD.bps()), rcc)?;
     serial.listen(Event::RxNotEmpty);
@@ -18,7 +24,7 @@ pub fn open(usart: USART2, tx: PA2, rx: PA3, rcc: &mut Rcc) -> Result<Serial<USA
 
 /// The byte that has come, if one has, whatever the line says of it: noise on one of three samples of a bit need not have changed it,
 /// and the checksum of its frame shows it.
-pub fn received(_owner: &mut Serial<USART2>) -> Option<u8> {
+pub fn received(_owner: &mut Port) -> Option<u8> {
     // SAFETY: the port is the caller's alone. Reading its data register after its status clears the flags of the status.
     let usart = unsafe { &*USART2::PTR };
     let status = usart.sr().read();
@@ -29,4 +35,18 @@ pub fn received(_owner: &mut Serial<USART2>) -> Option<u8> {
     }
     let byte = usart.dr().read().dr().bits() as u8;
     came.then_some(byte)
+}
+
+/// Sends the byte that is `next` if the port is free for it; without one the interrupt of a free port ends.
+pub fn send(port: &mut Port, next: impl FnOnce() -> Option<u8>) {
+    if port.is_tx_empty() {
+        match next() {
+            Some(byte) => {
+                // It is empty, so there is no waiting.
+                let _ = Write::write(port, byte);
+                port.listen(Event::TxEmpty);
+            }
+            None => port.unlisten(Event::TxEmpty),
+        }
+    }
 }
