@@ -97,6 +97,7 @@ typedef struct {
     float forgetting_slope;
     float adapting;         /* 1: the force scale adapts; 0: it stays 1 */
     float regularisation;   /* N^2 */
+    float excited;          /* N: smallest swing of the load that teaches the force scale */
     float max_disturbance;  /* N */
     float max_slope;        /* N in a tick */
     float max_innovation;   /* m */

@@ -126,8 +126,8 @@ static inline void springpot_adapt(const springpot_observer *observer, springpot
     deviation = load - state->load_mean;
     state->excitation =
         state->excitation + ((deviation * deviation) - (observer->forgetting * state->excitation));
-    /* Without the sensor nothing is learned. */
-    adapting = (state->since_sample > observer->lost_after) ? 0.0F : state->adapting;
+    /* Nothing is learned without the sensor, and of a load that stays: its noise is the answer to that of the sensor. */
+    adapting = ((state->since_sample <= observer->lost_after) && (fabsf(deviation) > observer->excited)) ? state->adapting : 0.0F;
     unexplained = state->integral - state->integral_mean;
     change = ((adapting * unexplained) * deviation) / (state->excitation + observer->regularisation);
     scale = springpot_clamp(

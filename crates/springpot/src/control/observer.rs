@@ -58,7 +58,8 @@ pub struct SensorSample<T> {
 ///
 /// A stiffness that changes with temperature or age appears as a disturbance that varies with the load. Recursive least
 /// squares over the adaptation time move that part into [`force_scale`](ObserverState::force_scale). The total force stays
-/// the same at that moment and remains right when the load changes.
+/// the same at that moment and remains right when the load changes. A load within 2 % of the largest force around its mean teaches
+/// nothing: what varies of it is the answer to the disturbance, noise of the sensor included.
 ///
 /// The [crate page](crate#observer) has a program.
 #[derive(Clone, Debug, PartialEq)]
@@ -144,6 +145,8 @@ const STATISTICS_SAMPLES: f64 = 200.0;
 const RESONANCE_MARGIN: f64 = 3.0;
 /// Share of the correction above which the force scale adapts.
 const FULL_SHARE: f64 = 0.9;
+/// Smallest deviation of the load from its slow mean at which the force scale adapts, in largest forces.
+const EXCITED: f64 = 0.02;
 /// Bounds of the force scale.
 const FORCE_SCALE_RANGE: [f64; 2] = [0.25, 4.0];
 
@@ -341,8 +344,10 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         let deviation = load - state.load_mean;
         state.excitation = state.excitation + (deviation * deviation - self.forgetting * state.excitation);
         let [low, high] = FORCE_SCALE_RANGE.map(T::from_f64);
-        // Without the sensor nothing is learned.
-        let adapting = if state.since_sample > self.lost_after { T::ZERO } else { state.adapting };
+        // Nothing is learned without the sensor, and of a load that stays: its noise is the answer to that of the sensor.
+        let learns =
+            (state.since_sample <= self.lost_after) & (deviation.abs() > T::from_f64(EXCITED) * self.max_disturbance);
+        let adapting = if learns { state.adapting } else { T::ZERO };
         let unexplained = state.integral - state.integral_mean;
         let change = adapting * unexplained * deviation / (state.excitation + self.regularisation);
         let scale = clamp(state.force_scale + change * state.force_scale, low, high);

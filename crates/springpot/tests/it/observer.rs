@@ -322,3 +322,33 @@ fn refuses_a_bandwidth_near_the_resonance() {
         assert_eq!(observer_at(bandwidth_hz), Err(ControlError::NearResonance { bandwidth_hz }));
     }
 }
+
+/// Noise of a sensor under a load that stays: the answers to it are no swing of the load, from which the stiffness shows.
+#[test]
+fn a_noisy_sensor_of_a_held_film_teaches_no_force_scale() {
+    let law: Law<f32> = Law::compressed(&model(1.0), LawOptions::at_step(1e-3)).expect("a law");
+    let options = ObserverOptions { delay_s: 0.014, sample_interval_s: 0.02, ..ObserverOptions::at_bandwidth(0.6) };
+    let tracking =
+        Tracking::<f32>::new(law.clone(), &Actuator::KARNER_2022, CommandLimits::BENCH, options).expect("valid");
+    let mut random = Pcg64::seed_from_u64(23);
+    for (factor, held_m, noise_m) in
+        [(1.0, 1.0e-3, 1e-5), (0.8, 2.0e-3, 1e-5), (1.25, 1.5e-3, 3e-5), (1.0, 0.5e-3, 3e-5)]
+    {
+        let (mut plant, mut state, mut voltage_v) = (Plant::new(factor), tracking.state(law.state()), 0.0);
+        let mut sensor = Sensor { interval: 20, delay: 14, past: Vec::new() };
+        let mut scales = Vec::new();
+        for k in 0..600_000 {
+            let x = plant.step(f64::from(voltage_v), 0.0);
+            let noise = (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>();
+            let sample = sensor.read(x + noise_m * noise);
+            tracking.observe(&mut state, Applied::as_commanded(voltage_v), sample);
+            let reference_m = held_m * (f64::from(k) / 5e3).min(1.0);
+            voltage_v = tracking.command(&mut state, reference_m as f32).voltage_v;
+            if k % 60_000 == 59_999 {
+                scales.push(f64::from(state.observer().force_scale()));
+            }
+        }
+        println!("{factor} times as stiff, {held_m} m held, {noise_m} m of noise: {scales:.3?}");
+        assert!(scales.iter().all(|scale| (scale / scales[0] - 1.0).abs() < 0.02), "{scales:?}");
+    }
+}

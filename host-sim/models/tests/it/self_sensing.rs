@@ -204,8 +204,6 @@ fn held_pct(plant: film::Plant, creep: f64, stiffness: f64) -> [f64; 2] {
         sample_interval_s: options.sample_interval_s(),
         delay_s: STEP_S * options.age_ticks() as f64,
         lost_after_s: 0.2,
-        // In half an hour without motion its noise would teach the observer another force scale.
-        adaptation_s: 0.0,
         ..ObserverOptions::at_bandwidth(0.6)
     };
     let limits = CommandLimits { max_voltage_v: 5900.0, max_field_v_per_m: 1e8, ..CommandLimits::BENCH };

@@ -1,6 +1,6 @@
 //! The constants that an observer computes with.
 
-use super::{FORCE_SCALE_RANGE, FULL_SHARE, Gains, Observer, STATISTICS_SAMPLES};
+use super::{EXCITED, FORCE_SCALE_RANGE, FULL_SHARE, Gains, Observer, STATISTICS_SAMPLES};
 use crate::law::Memory;
 use crate::numbers::{Numbers, Record};
 use crate::scalar::Real;
@@ -24,6 +24,11 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         take.number("forgetting_slope", self.forgetting_slope, "");
         take.number("adapting", self.adapting, "1: the force scale adapts; 0: it stays 1");
         take.number("regularisation", self.regularisation, "N^2");
+        take.number(
+            "excited",
+            T::from_f64(EXCITED) * self.max_disturbance,
+            "N: smallest swing of the load that teaches the force scale",
+        );
         take.number("max_disturbance", self.max_disturbance, "N");
         take.number("max_slope", self.max_slope, "N in a tick");
         take.number("max_innovation", self.max_innovation, "m");
