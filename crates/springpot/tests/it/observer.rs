@@ -323,6 +323,25 @@ fn refuses_a_bandwidth_near_the_resonance() {
     }
 }
 
+/// A sensor that goes while the force scale is still on its way: there it stays.
+#[test]
+fn without_a_sensor_the_force_scale_stays() {
+    let observer = observer(ObserverOptions::at_bandwidth(0.6));
+    let (mut plant, mut state) = (Plant::new(1.25), observer.state(observer.law().state()));
+    let mut sensor = Sensor { interval: 10, delay: 10, past: Vec::new() };
+    let mut scales = Vec::new();
+    for k in 0..12_000 {
+        let sample = sensor.read(plant.step(volts(k), 0.0)).filter(|_| k < 3000);
+        observer.observe(&mut state, Applied::as_commanded(volts(k) as f32), sample);
+        scales.push(state.force_scale());
+    }
+    // It counts as lost 50 ms after the last sample.
+    let (before, after) = (&scales[2000..3000], &scales[3050..]);
+    println!("{} to {}, then {}", before[0], before[999], after[0]);
+    assert!((before[0] - before[999]).abs() > 1e-3, "it moves");
+    assert!(after.iter().all(|scale| scale.to_bits() == after[0].to_bits()), "it stays");
+}
+
 /// Noise of a sensor under a load that stays: the answers to it are no swing of the load, from which the stiffness shows.
 #[test]
 fn a_noisy_sensor_of_a_held_film_teaches_no_force_scale() {
