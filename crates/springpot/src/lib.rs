@@ -20,9 +20,10 @@ mod scalar;
 pub use actuator::{Actuator, EPSILON_0, GRAVITY, Load, Preload, VoltageDrive};
 pub use control::{
     Adapted, Adapting, AmplifierLag, AmplifierModel, Applied, CapacitanceRelation, CommandLimits, Compensator,
-    Feedforward, FeedforwardState, FilmReading, Follower, FollowerState, HARMONICS, Learning, LearningOptions,
-    LearningState, Limited, Observer, ObserverOptions, ObserverState, SelfSensed, SelfSensing, SelfSensingFault,
-    SelfSensingOptions, SelfSensingState, SensorSample, Statistics, Tracking, TrackingState, VoltageCommand,
+    CreepCoefficients, Feedforward, FeedforwardState, FilmReading, Follower, FollowerState, HARMONICS, Learning,
+    LearningOptions, LearningState, Limited, Observer, ObserverOptions, ObserverState, SelfSensed, SelfSensing,
+    SelfSensingFault, SelfSensingOptions, SelfSensingState, SensorSample, Statistics, Tracking, TrackingState,
+    VoltageCommand,
 };
 pub use curve::{Curve, Knot, MAX_KNOTS, MAX_SPRING_KNOTS, Measure, Rubber, Spring};
 pub use error::{

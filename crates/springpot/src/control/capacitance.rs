@@ -2,8 +2,9 @@
 
 use crate::control::path::clamp;
 use crate::error::{SelfSensingError, first_not_positive};
-use crate::law::{Compressed, Law, LawOptions, LawState};
+use crate::law::{Coefficients, Compressed, Law, LawOptions, LawState};
 use crate::model::{Maxwell, Springpot, Topology};
+use crate::numbers::Numbers;
 use crate::scalar::Real;
 
 /// How a film's displacement x follows from its capacitance C, as calibrated with a displacement sensor.
@@ -107,6 +108,9 @@ impl CapacitanceRelation {
 /// Memory of the springpot.
 type Memory<T> = Compressed<T, 4, 11, 0>;
 
+/// The springpot of a [`CapacitanceRelation`] in numbers, for samples at a certain interval: [`SelfSensing::creep`](crate::SelfSensing::creep).
+pub type CreepCoefficients<T> = Coefficients<T, 4, 11, 0>;
+
 /// A [`CapacitanceRelation`] as it is stepped once a block.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Relation<T> {
@@ -137,9 +141,22 @@ impl<T: Real> Relation<T> {
             return Err(SelfSensingError::Creep { creep: relation.creep, alpha: relation.alpha });
         };
         let options = LawOptions::at_step(step_s).with_horizon(HORIZON_S).with_tolerance(TOLERANCE);
-        let law: Law<T, Memory<T>> = Law::compressed(&model, options)?;
+        Ok(Self::from_law(relation, Law::compressed(&model, options)?))
+    }
+
+    /// The same with its springpot in numbers.
+    pub(crate) fn with_creep(
+        relation: &CapacitanceRelation,
+        step_s: f64,
+        creep: &CreepCoefficients<T>,
+    ) -> Result<Self, SelfSensingError> {
+        relation.check()?;
+        Ok(Self::from_law(relation, Law::from_coefficients(creep, step_s, 0.0)?))
+    }
+
+    fn from_law(relation: &CapacitanceRelation, law: Law<T, Memory<T>>) -> Self {
         let [_, b, c] = relation.stroke_m;
-        Ok(Self {
+        Self {
             rest: T::from_f64(relation.rest_f),
             per_rest: T::from_f64(1.0 / relation.rest_f),
             changes: relation.changes().map(T::from_f64),
@@ -148,7 +165,21 @@ impl<T: Real> Relation<T> {
             creep: T::from_f64(relation.creep),
             instant: T::from_f64(1.0 + relation.creep * law.stiffness().to_f64()),
             law,
-        })
+        }
+    }
+
+    /// Its springpot in numbers.
+    pub(crate) fn creep(&self) -> CreepCoefficients<T> {
+        self.law.coefficients()
+    }
+
+    /// Visits what a step computes with.
+    pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
+        take.array("relation", [self.rest, self.per_rest, self.creep, self.instant], "");
+        take.array("changes", self.changes, "");
+        take.array("stroke", self.stroke, "");
+        take.array("slope", self.slope, "");
+        self.law.numbers(take);
     }
 
     /// Capacitance at rest, F.

@@ -25,7 +25,7 @@ mod tracking;
 
 pub use adapted::{Adapted, Adapting};
 pub use amplifier::{AmplifierLag, AmplifierModel};
-pub use capacitance::CapacitanceRelation;
+pub use capacitance::{CapacitanceRelation, CreepCoefficients};
 pub use feedforward::{Feedforward, FeedforwardState};
 pub use follower::{Compensator, Follower, FollowerState};
 pub use harmonic::HARMONICS;

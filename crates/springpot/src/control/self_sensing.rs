@@ -1,11 +1,12 @@
 //! Self-sensing: the film's displacement from its capacitance.
 
-use crate::control::capacitance::{CapacitanceRelation, Relation, RelationState};
+use crate::control::capacitance::{CapacitanceRelation, CreepCoefficients, Relation, RelationState};
 use crate::control::demodulation::{Demodulator, GAIN};
 use crate::control::observer::SensorSample;
 use crate::control::path::is_finite;
 use crate::control::self_sensing_options::SelfSensingOptions;
 use crate::error::SelfSensingError;
+use crate::numbers::Numbers;
 use crate::scalar::Real;
 
 /// Readings of the amplifier's monitors in a tick.
@@ -47,7 +48,7 @@ impl<T: Real> SelfSensed<T> {
 pub enum SelfSensingFault {
     /// The tone does not appear at the voltage monitor: the amplifier does not pass it, or is off.
     NoTone,
-    /// The film conducts: more current than it may leak, or as through a resistor.
+    /// The film conducts: more current than it may leak, as through a resistor, or more than twice the largest capacitance of its calibration.
     Shorted,
     /// The current monitor shows no tone, less than the cable alone would.
     CurrentMonitor,
@@ -142,8 +143,9 @@ struct Thresholds<T> {
     /// Squares of the current's phasor over that of the voltage: of less than the cable, and of the film at rest.
     cable: T,
     rest: T,
-    /// Least capacitance, F.
+    /// Least and largest capacitance, F.
     capacitance: T,
+    largest: T,
 }
 
 /// Blocks whose estimates are kept, for samples of another sensor that arrive later.
@@ -210,8 +212,30 @@ impl<T: Real> SelfSensing<T> {
     /// more capacitance than film and cable, and a springpot whose memory has too few modes.
     pub fn new(relation: &CapacitanceRelation, options: SelfSensingOptions) -> Result<Self, SelfSensingError> {
         options.check()?;
+        Self::from_relation(Relation::new(relation, options.sample_interval_s())?, relation, options)
+    }
+
+    /// The same with the springpot of the relation in numbers, which a host [has built](Self::creep): that takes a controller as long as
+    /// the law of a film.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new), and for numbers that no springpot has.
+    pub fn with_creep(
+        relation: &CapacitanceRelation,
+        options: SelfSensingOptions,
+        creep: &CreepCoefficients<T>,
+    ) -> Result<Self, SelfSensingError> {
+        options.check()?;
+        Self::from_relation(Relation::with_creep(relation, options.sample_interval_s(), creep)?, relation, options)
+    }
+
+    fn from_relation(
+        running: Relation<T>,
+        relation: &CapacitanceRelation,
+        options: SelfSensingOptions,
+    ) -> Result<Self, SelfSensingError> {
         let SelfSensingOptions { step_s, tone_v, cable_f, .. } = options;
-        let running = Relation::new(relation, options.sample_interval_s())?;
         if !(cable_f >= 0.0 && cable_f < relation.rest_f) {
             return Err(SelfSensingError::Cable { cable_f, rest_f: relation.rest_f });
         }
@@ -239,10 +263,29 @@ impl<T: Real> SelfSensing<T> {
                 cable: square(admittance(no_current_f)),
                 rest: square(admittance(relation.rest_f)),
                 capacitance: T::from_f64(0.5 * (cable_f + relation.rest_f)),
+                largest: T::from_f64(2.0 * relation.max_f),
             },
             variance: square(relation.uncertainty_m),
             drift: T::from_f64(1.0 - libm::exp(-2.0 * options.sample_interval_s() / options.drift_s)),
         })
+    }
+
+    /// The springpot of the relation in numbers.
+    #[must_use]
+    pub fn creep(&self) -> CreepCoefficients<T> {
+        self.relation.creep()
+    }
+
+    /// Visits what a tick computes with.
+    #[doc(hidden)]
+    pub fn numbers(&self, take: &mut impl Numbers<T>) {
+        let Thresholds { voltage, current, cable, rest, capacitance, largest } = self.thresholds;
+        take.array("tone", [self.tone, self.capacitance, self.resistance, self.voltage_noise, self.current_noise], "");
+        take.array("thresholds", [voltage, current, cable, rest, capacitance, largest], "");
+        take.array("variance", [self.variance, self.drift], "");
+        take.count("ticks", u32::from(self.ticks), "");
+        take.count("age", u32::from(self.age), "");
+        self.relation.numbers(take);
     }
 
     /// Standard deviation of the mean displacement of so many `blocks` by the noise of the monitors, m: of a film at rest and a tone of `tone_v`
@@ -351,12 +394,15 @@ impl<T: Real> SelfSensing<T> {
         let least = &self.thresholds;
         let (voltage2, current2) = (square(voltage), square(current));
         let [cross, dot] = products(voltage, current);
-        let has_film = self.capacitance * current2 > least.capacitance * cross;
+        let capacitance = self.capacitance * current2;
+        let has_film = capacitance > least.capacitance * cross;
+        // Behind steps a resistor is half a capacitance.
+        let conducts = (dot > cross || capacitance > least.largest * cross) && current2 > least.rest * voltage2;
         if voltage2 < least.voltage {
             Some(if mean > least.current { SelfSensingFault::Shorted } else { SelfSensingFault::NoTone })
         } else if current2 < least.cable * voltage2 {
             Some(SelfSensingFault::CurrentMonitor)
-        } else if mean > least.current || dot > cross && current2 > least.rest * voltage2 {
+        } else if mean > least.current || conducts {
             Some(SelfSensingFault::Shorted)
         } else if dot > cross || !has_film {
             Some(SelfSensingFault::Electrode)
