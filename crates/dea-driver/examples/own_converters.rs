@@ -21,6 +21,7 @@ const CONVERTERS: Converters = Converters {
     command_v: Some(DAC_V),
     monitor_v: ADC_V * (4095.0 / 4096.0),
     sensor_v: ADC_V * (4095.0 / 4096.0),
+    current_v: None,
     resolution: Resolution::bits(12),
     ceilings: Ceilings { voltage_v: 6.25e3, field_v_per_m: 6e7, stroke_m: 8e-3 },
 };

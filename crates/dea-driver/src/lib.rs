@@ -26,7 +26,7 @@ pub use control::{
 };
 #[cfg(feature = "loop-test")]
 pub use control::{Followed, Step, Target, TickCodes, Ticked};
-pub use parameters::{BLOB_LEN, Blob, BlobError, Control, ControllerMemory, Parameters, SCHEMA};
+pub use parameters::{BLOB_LEN, Blob, BlobError, Control, ControllerMemory, Parameters, SCHEMA, SelfSensor};
 #[cfg(feature = "store")]
 pub use parameters::{BlobHeader, RamFlash, Store, StoreError, Stored};
 pub use safety::{

@@ -120,5 +120,6 @@ fn parameters(law: &Coefficients<f32>, actuator: Actuator) -> Parameters {
         control: Control::BENCH,
         self_test_above_v: <Parameters>::NO_SELF_TEST_V,
         adapted: None,
+        self_sensing: None,
     }
 }

@@ -118,6 +118,8 @@ pub struct Converters {
     pub monitor_v: f32,
     /// The same for the ADC of the displacement sensor, V.
     pub sensor_v: f32,
+    /// The same for the ADC of the current monitor, V; `None` for a board without one.
+    pub current_v: Option<f32>,
     /// How coarse they are.
     pub resolution: Resolution,
     /// Largest values that the board allows, whatever its parameters state.
@@ -168,18 +170,20 @@ impl Converters {
             command_v: Some(full_scale_v),
             monitor_v: full_scale_v,
             sensor_v: full_scale_v,
+            current_v: None,
             resolution: Resolution { command: step, monitor: step, sensor: step, reference: 0.01 },
             ceilings: Ceilings::NONE,
         }
     };
 
     /// The converters of a board that this repository has firmware for, by its number, without ceilings; those of
-    /// [`boards::STM32F405`] for any other number: a firmware of your own states what it has.
+    /// [`boards::STM32F405`] for any other number: a firmware of your own states what it has. With a monitor of the current where a board may
+    /// have one: whether it has shows when it is given parameters.
     #[must_use]
     pub const fn of_board(id: u16) -> Self {
         match id {
             boards::STM32F407_DISCOVERY => Self::STM32F4_ON_CHIP,
-            _ => Self::AD5754_ADS868X,
+            _ => Self { current_v: Some(AdcRange::UpTo10V24.max_v()), ..Self::AD5754_ADS868X },
         }
     }
 
@@ -188,6 +192,7 @@ impl Converters {
         command_v: None,
         monitor_v: AdcRange::UpTo10V24.max_v(),
         sensor_v: AdcRange::UpTo10V24.max_v(),
+        current_v: None,
         resolution: Resolution::AD5754_ADS868X,
         ceilings: Ceilings::NONE,
     };

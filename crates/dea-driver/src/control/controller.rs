@@ -6,6 +6,7 @@ mod orders;
 
 use springpot::{AmplifierLag, Applied, Compressed, Follower, FollowerState, Law, LawState, Limited, Load, Tracking};
 
+use crate::control::film_sensor::FilmSensor;
 #[cfg(feature = "loop-test")]
 use crate::control::loop_test::{Followed, LoopTest, Step, Target};
 use crate::control::sampler::Sampler;
@@ -125,6 +126,8 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     digests: Option<intact::Digests>,
     /// The film as the ticks estimate it, its reference, and what is learned of its cycles.
     course: FollowerState<f32, Tracking<f32, M>>,
+    /// The film as a sensor.
+    film_sensor: FilmSensor,
     #[cfg(feature = "loop-test")]
     test: LoopTest<M>,
 }
@@ -184,6 +187,7 @@ impl<M: ControllerMemory> Controller<M> {
             motion,
             #[cfg(feature = "loop-test")]
             test: LoopTest::at_rest(follower.compensator()),
+            film_sensor: FilmSensor::new(parameters),
             parameters: parameters.clone(),
             checksum,
             supervisor: *supervisor,
@@ -238,7 +242,8 @@ impl<M: ControllerMemory> Controller<M> {
         // Sample: volts at the converters become quantities. A converter that did not answer reads as NaN.
         let monitor_v = inputs.monitor_adc_v.map_or(f32::NAN, |volts| self.parameters.monitor.apply(volts));
         let sensor_m = inputs.sensor_adc_v.map_or(f32::NAN, |volts| self.parameters.sensor.apply(volts));
-        let displacement_m = sensor_m - self.parameters.sensor_offset_m;
+        let shown = self.film_sensor.sense(sensor_m - self.parameters.sensor_offset_m, monitor_v);
+        let displacement_m = shown.displacement_m;
 
         // Check: sensors, limits, heartbeat. Without the monitor the voltage at the film is unknown: trip at once. Without
         // the displacement sensor the parameters decide.
@@ -261,6 +266,11 @@ impl<M: ControllerMemory> Controller<M> {
             disturbance_share: disturbance_share + self.course.added() * self.shares_per_m,
         });
 
+        if let Some(cause) = shown.fault
+            && self.supervisor.enables()
+        {
+            self.supervisor.trip(cause);
+        }
         let runs = self.supervisor.runs();
         // Beside a film at rest, as which it begins its first run if the sensor shows it.
         let beside_m = if self.is_history_assumed && !runs { 0.0 } else { model_m };
@@ -269,7 +279,10 @@ impl<M: ControllerMemory> Controller<M> {
         // Estimate: step the film under the voltage applied since the last tick, and correct it with a sample if one is
         // due. Nothing is learned from a film that is not driven.
         let sample = self.sampler.next(checked.displacement_m.filter(|_| runs));
-        let applied = Applied { commanded_v: applied_v, reading_v: self.lags.then_some(monitor_v) };
+        let sample = self.film_sensor.choose(shown, sample, runs && checked.displacement_m.is_some());
+        // The tone does not move the film.
+        let commanded_v = applied_v - self.film_sensor.tone_v();
+        let applied = Applied { commanded_v, reading_v: self.lags.then_some(monitor_v) };
         let predicted_m = self.follower.observe(&mut self.course, applied, sample);
         let mut load = self.course.observer().load();
         if self.lags {
@@ -305,7 +318,10 @@ impl<M: ControllerMemory> Controller<M> {
         let learned_m = self.course.added();
         let estimated_m = if open_loop_m > predicted_m { open_loop_m } else { predicted_m };
         let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > estimated_m).unwrap_or(estimated_m);
-        let command_v = self.supervisor.command(wanted_v, 1.0 + self.thinning_per_m * furthest_m);
+        let thinning = 1.0 + self.thinning_per_m * furthest_m;
+        let senses = leads && self.mode == Mode::Tracking;
+        let wanted_v = self.film_sensor.drive(senses, wanted_v, self.supervisor.most_v(thinning));
+        let command_v = self.supervisor.command(wanted_v, thinning);
         let enable = self.supervisor.enables();
         // An amplifier that is above 0 V at a command of 0 V would need less than that, which a DAC of both signs would give.
         let inverse_v = self.parameters.amplifier.invert(command_v);

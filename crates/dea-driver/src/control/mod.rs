@@ -1,6 +1,7 @@
 //! The control tick.
 
 mod controller;
+mod film_sensor;
 #[cfg(any(feature = "loop-test", feature = "link"))]
 mod loop_test;
 mod sampler;

@@ -1,7 +1,9 @@
 //! The parameters of a board as bytes: what `springpot export` writes and the `Store` keeps. The crate's `doc/blob.md`
 //! describes the format. No other file reads or writes a blob's header.
 
-use springpot::{ActuatorError, Compressed, ControlError, Follower, Law, LawError, Learning, Tracking};
+use springpot::{
+    ActuatorError, Compressed, ControlError, Follower, Law, LawError, Learning, SelfSensingError, Tracking,
+};
 
 use crate::chips::{CalibrationError, Converters};
 use crate::parameters::{ControllerMemory, Parameters};
@@ -239,6 +241,24 @@ pub enum BlobError {
         /// Fewest ticks in which its samples show that the film moves.
         min_ticks: f32,
     },
+    /// Self-sensing on a board without a monitor of the current, or whose program leaves it out.
+    #[error("self-sensing needs a monitor of the current, which this board has not; leave it out of the parameters")]
+    NoCurrent,
+    /// Self-sensing that was refused.
+    #[error("self-sensing: {0}")]
+    SelfSensing(SelfSensingError),
+    /// A value that leaves no room for the tone of self-sensing, or that the film as a sensor is too slow for.
+    #[error("{quantity} is {value}; with this self-sensing it must be {bound} {limit}")]
+    SelfSensingNeeds {
+        /// Name of the value.
+        quantity: &'static str,
+        /// The value.
+        value: f32,
+        /// At least or at most.
+        bound: &'static str,
+        /// The bound.
+        limit: f32,
+    },
 }
 
 impl<M: ControllerMemory> Blob<M> {
@@ -289,6 +309,9 @@ impl<M: ControllerMemory> Blob<M> {
         let learned = parameters.adapted.map_or(Ok(()), |adapted| adapted.check(largest_n));
         learned.map_err(BlobError::Control)?;
         parameters.check_reach(command_v, converters)?;
+        if let Some(sensor) = &parameters.self_sensing {
+            sensor.check(&parameters, converters.current_v)?;
+        }
         let sensor_m = |volts| parameters.sensor.apply(volts) - parameters.sensor_offset_m;
         let unplugged_v = converters.resolution.sensor * converters.sensor_v;
         let (unplugged_m, saturated_m) = (sensor_m(unplugged_v), sensor_m(converters.sensor_v));
@@ -339,6 +362,7 @@ impl<M: ControllerMemory> Parameters<M> {
     #[inline(never)] // as `margin`
     fn follower(&self, law: Law<f32, M>) -> Result<Follower<f32, Tracking<f32, M>>, BlobError> {
         let limits = self.control.command_limits(&self.limits, self.amplifier_lag);
+        let limits = self.self_sensing.as_ref().map_or(limits, |sensor| sensor.left_of(limits, self));
         let refused = |error| match error {
             ControlError::Actuator(error) => BlobError::Actuator(error),
             error => BlobError::Control(error),
@@ -420,6 +444,7 @@ impl<M: ControllerMemory> Parameters<M> {
 
 #[cfg(feature = "store")]
 mod bytes;
+mod self_sensing;
 
 #[cfg(feature = "store")]
 pub use bytes::BlobHeader;

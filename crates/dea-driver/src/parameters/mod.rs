@@ -6,6 +6,7 @@ mod digest;
 mod memory;
 #[cfg(feature = "store")]
 mod ram_flash;
+mod self_sensor;
 mod settings;
 #[cfg(feature = "store")]
 mod store;
@@ -19,6 +20,7 @@ pub use memory::ControllerMemory;
 pub(crate) use memory::Watched;
 #[cfg(feature = "store")]
 pub use ram_flash::RamFlash;
+pub use self_sensor::SelfSensor;
 pub use settings::{Control, Parameters};
 #[cfg(feature = "store")]
 pub use store::{Store, StoreError, Stored};

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use springpot::{Actuator, Adapted, AmplifierLag, CommandLimits, Compressed, Law, LearningOptions, ObserverOptions};
 
 use crate::chips::{Calibration, Ceilings, CommandRange};
-use crate::parameters::ControllerMemory;
+use crate::parameters::{ControllerMemory, SelfSensor};
 use crate::safety::Limits;
 
 /// Calibrations, limits and law of a board and its film, in SI units.
@@ -71,6 +71,9 @@ pub struct Parameters<M: ControllerMemory = Compressed<f32>> {
     /// The changes of the film that were learned when they were [kept](crate::AdaptationOrder::Keep): in use from the start, and held. None for the law as it was fitted.
     #[serde(skip)]
     pub adapted: Option<Adapted<f32>>,
+    /// The film as its own sensor, on a board with a monitor of the current. None: it is not sensed.
+    #[serde(skip)]
+    pub self_sensing: Option<SelfSensor>,
 }
 
 fn no_self_test_v() -> f32 {
@@ -103,6 +106,7 @@ impl<M: ControllerMemory> Parameters<M> {
             control: Control::BENCH,
             self_test_above_v: Self::NO_SELF_TEST_V,
             adapted: None,
+            self_sensing: None,
         }
     }
 }

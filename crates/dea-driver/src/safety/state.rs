@@ -86,6 +86,14 @@ pub enum Cause {
     /// While the law follows a film that changes, the film has moved further from its law than the host allows: it has aged, or the sensor
     /// has lost gain.
     Ageing,
+    /// The amplifier does not pass the tone that senses the film, or is off.
+    NoTone,
+    /// The film conducts.
+    FilmShorted,
+    /// The monitor of the current shows no tone.
+    CurrentMonitor,
+    /// An electrode of the film, or its lead, is lost: it has too little capacitance, or too much resistance.
+    Electrode,
 }
 
 /// Reasons to refuse a request.

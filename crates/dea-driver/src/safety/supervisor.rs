@@ -484,6 +484,13 @@ impl Supervisor {
         }
     }
 
+    /// The largest voltage that bench, field and the way of arming allow, V.
+    #[inline]
+    pub(crate) fn most_v(&self, thinning: f32) -> f32 {
+        let by_field = if thinning > 1.0 { self.field_v / thinning } else { self.field_v };
+        if by_field < self.armed_for_v { by_field } else { self.armed_for_v }
+    }
+
     /// The command (V) of this tick when `wanted_v` is asked for: 0 V unless running, towards 0 V for NaN; between 0 V and the
     /// largest voltage that bench, field and the way of [arming](Self::arm_for_self_test) allow; no faster than the slew, except that the field limit outranks it.
     /// `thinning` is how many times thinner than at rest the film is.
@@ -492,8 +499,7 @@ impl Supervisor {
     /// (`springpot`): an error there must not raise the limit here.
     pub fn command(&mut self, wanted_v: f32, thinning: f32) -> f32 {
         self.command_v = if matches!(self.state, DriverState::Running) {
-            let by_field = if thinning > 1.0 { self.field_v / thinning } else { self.field_v };
-            let most = if by_field < self.armed_for_v { by_field } else { self.armed_for_v };
+            let most = self.most_v(thinning);
             let wanted = if wanted_v > 0.0 { wanted_v } else { 0.0 };
             let slewed = self.command_v + bounded(wanted - self.command_v, self.slew_v_per_tick);
             if slewed < most { slewed } else { most }

@@ -228,6 +228,14 @@ impl<M: ControllerMemory> Device<M> {
         self.controller.as_ref().map_or(RATE_HZ, |controller| controller.parameters().rate_hz)
     }
 
+    /// [`Controller::note_current`]: before each tick of a board with a monitor of the current.
+    #[cfg(feature = "self-sensing")]
+    pub fn note_current(&mut self, adc_v: Option<f32>) {
+        if let Some(controller) = &mut self.controller {
+            controller.note_current(adc_v);
+        }
+    }
+
     /// One tick.
     pub fn tick(&mut self, inputs: Inputs) -> Drive {
         self.ticks_alone = self.ticks_alone.saturating_add(1);

@@ -410,6 +410,7 @@ impl Session {
         board.with(|device| device.is_off()).0?;
         let blob = board.store().decode(bytes).map_err(|error| match error {
             StoreError::Refused(BlobError::Ceiling { .. }) => Denial::Rejected(Reject::Ceiling),
+            StoreError::Refused(BlobError::NoCurrent) => Denial::Rejected(Reject::Current),
             _ => Denial::Rejected(Reject::Blob),
         })?;
         // What this board cannot run is not stored either.

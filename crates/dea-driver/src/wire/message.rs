@@ -265,6 +265,8 @@ pub enum Reject {
     Token,
     /// The blob allows more than the ceilings of this board; the old parameters stay.
     Ceiling,
+    /// The blob has self-sensing, and this board no monitor of the current; the old parameters stay.
+    Current,
 }
 
 impl From<FrameError> for Reject {

@@ -7,6 +7,8 @@
 mod bench;
 #[path = "../driver/board.rs"]
 mod board;
+#[path = "../driver/circuit.rs"]
+mod circuit;
 
 mod actuator;
 mod blobs;
@@ -25,6 +27,7 @@ mod player;
 mod power_loss;
 mod reference;
 mod scale;
+mod self_sensing;
 mod sensor;
 #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
 mod stack;

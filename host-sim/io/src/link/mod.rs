@@ -386,6 +386,9 @@ impl Client {
             Answer::Rejected(Reject::Ceiling) => {
                 "the limits are above the ceilings of the board's firmware, which no parameters raise".into()
             }
+            Answer::Rejected(Reject::Current) => {
+                "this board has no monitor of the current, which self-sensing needs: leave it out of the parameters".into()
+            }
             Answer::Rejected(Reject::Rate) => {
                 "the board cannot tick at that rate; export with another `rate_hz`".into()
             }

@@ -30,6 +30,7 @@ const CONVERTERS: Converters = Converters {
     command_v: Some(DAC_V),
     monitor_v: MAX_ADC_V,
     sensor_v: MAX_ADC_V,
+    current_v: None,
     resolution: Resolution::bits(12),
     ceilings: Ceilings { voltage_v: 6e3, field_v_per_m: 6e7, stroke_m: 8e-3 },
 };

@@ -38,11 +38,15 @@ impl<M: ControllerMemory> Controller<M> {
                 p.command_range,
                 p.amplifier_lag,
                 p.control,
+                &p.self_sensing,
             )),
             2 => digest(&(&p.amplifier, &p.monitor, &p.sensor)),
             3 => digest(&p.limits),
             4 => digest_of(|fold| M::numbers(&self.follower, fold)),
-            5 => digest_of(|fold| self.watched.numbers(fold)),
+            5 => digest_of(|fold| {
+                self.watched.numbers(fold);
+                self.film_sensor.numbers(fold);
+            }),
             _ => {
                 let scales = [self.thinning_per_m, self.shares_per_n, self.shares_per_m];
                 digest(&(self.supervisor.constants(), self.motion.constants(), scales, self.lags))

@@ -17,6 +17,15 @@ impl<M: ControllerMemory> Controller<M> {
         self.supervisor.heartbeat();
     }
 
+    /// Notes the mean current since the last tick by its monitor, V at the ADC, for the next one; `None` if the converter did not answer, which is as
+    /// good as not to note any.
+    #[cfg(feature = "self-sensing")]
+    pub fn note_current(&mut self, adc_v: Option<f32>) {
+        if let Some(sensor) = &self.parameters.self_sensing {
+            self.film_sensor.read(sensor.current(), adc_v);
+        }
+    }
+
     /// Trips, whatever the state: 0 V, amplifier disabled from the next tick on, targets cleared. The first cause stays.
     pub fn trip(&mut self, cause: Cause) {
         self.supervisor.trip(cause);
@@ -141,6 +150,7 @@ impl<M: ControllerMemory> Controller<M> {
     pub(super) fn clear_target(&mut self) {
         self.target = Ramp::NONE;
         self.course.end_run();
+        self.film_sensor.end_run();
     }
 
     /// Forgets or carries over what was learned of a periodic reference, if anything was. In any state.

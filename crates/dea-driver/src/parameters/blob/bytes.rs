@@ -2,7 +2,7 @@
 
 use super::{BLOB_LEN, Blob, BlobError, SCHEMA, SCHEMA_WITHOUT_SPRING};
 use crate::chips::Converters;
-use crate::parameters::{ControllerMemory, Parameters};
+use crate::parameters::{ControllerMemory, Parameters, SelfSensor};
 
 const MAGIC: [u8; 4] = *b"DEA\x01";
 const CHECKSUM_LEN: usize = 4;
@@ -14,11 +14,11 @@ const USUAL_SIZES: [u8; 3] = [12, 12, 24];
 const STATES_SIZES: u8 = 1;
 /// Set there where the contents end with the voltage above which a self-test is needed. Firmware that does not know it refuses the blob.
 const STATES_SELF_TEST: u8 = 2;
-/// Set where what was learned of the film follows, which is last.
+/// Set where what was learned of the film follows.
 const STATES_ADAPTED: u8 = 4;
 
-/// Its seven numbers, bytes.
-const ADAPTED_LEN: usize = 28;
+/// Set where self-sensing follows.
+const STATES_SELF_SENSING: u8 = 8;
 
 /// The header of a blob: the bytes before its contents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,6 +99,11 @@ impl<M: ControllerMemory> Parameters<M> {
             written += postcard::to_slice(adapted, room).map_err(|_| BlobError::TooLong)?.len();
             flags |= STATES_ADAPTED;
         }
+        if let Some(sensor) = &self.self_sensing {
+            let room = body.get_mut(written..).ok_or(BlobError::TooLong)?;
+            written += postcard::to_slice(sensor, room).map_err(|_| BlobError::TooLong)?.len();
+            flags |= STATES_SELF_SENSING;
+        }
         let length = u16::try_from(written).map_err(|_| BlobError::TooLong)?;
         let schema = if M::has_spring(&self.law) { SCHEMA } else { SCHEMA_WITHOUT_SPRING };
         let schema = schema | u16::from(flags) << 8;
@@ -140,7 +145,7 @@ impl<M: ControllerMemory> Blob<M> {
         // The bytes are as they were written.
         let [schema, flags] = header.schema.to_le_bytes();
         if !(SCHEMA_WITHOUT_SPRING..=SCHEMA).contains(&u16::from(schema))
-            || flags & !(STATES_SIZES | STATES_SELF_TEST | STATES_ADAPTED) != 0
+            || flags & !(STATES_SIZES | STATES_SELF_TEST | STATES_ADAPTED | STATES_SELF_SENSING) != 0
         {
             return Err(BlobError::Schema { found: header.schema });
         }
@@ -157,25 +162,22 @@ impl<M: ControllerMemory> Blob<M> {
         if found != expected {
             return Err(BlobError::LawSizes { found, expected });
         }
-        let (contents, adapted) = if flags & STATES_ADAPTED == 0 {
-            (contents, None)
-        } else {
-            let (contents, adapted) = contents.split_last_chunk::<ADAPTED_LEN>().ok_or(BlobError::Contents)?;
-            (contents, Some(postcard::from_bytes(adapted).map_err(|_| BlobError::Contents)?))
-        };
-        let (contents, above_v) = if flags & STATES_SELF_TEST == 0 {
-            (contents, Parameters::<M>::NO_SELF_TEST_V)
-        } else {
-            let (contents, above_v) = contents.split_last_chunk().ok_or(BlobError::Contents)?;
-            (contents, f32::from_le_bytes(*above_v))
-        };
-        match postcard::take_from_bytes::<Parameters<M>>(contents) {
-            Ok((mut parameters, [])) => {
-                parameters.self_test_above_v = above_v;
-                parameters.adapted = adapted;
-                Ok(Self { checksum: Some(checksum), ..Self::with_converters(parameters, converters)? })
-            }
-            _ => Err(BlobError::Contents),
+        let refused = |_| BlobError::Contents;
+        let (mut parameters, mut rest) = postcard::take_from_bytes::<Parameters<M>>(contents).map_err(refused)?;
+        parameters.self_test_above_v = Parameters::<M>::NO_SELF_TEST_V;
+        if flags & STATES_SELF_TEST != 0 {
+            (parameters.self_test_above_v, rest) = postcard::take_from_bytes(rest).map_err(refused)?;
         }
+        if flags & STATES_ADAPTED != 0 {
+            let (adapted, left) = postcard::take_from_bytes(rest).map_err(refused)?;
+            (parameters.adapted, rest) = (Some(adapted), left);
+        }
+        if flags & STATES_SELF_SENSING != 0 {
+            rest = SelfSensor::take(&mut parameters.self_sensing, rest)?;
+        }
+        if !rest.is_empty() {
+            return Err(BlobError::Contents);
+        }
+        Ok(Self { checksum: Some(checksum), ..Self::with_converters(parameters, converters)? })
     }
 }
