@@ -142,6 +142,43 @@ fn a_board_of_its_own_goes_into_the_blob() {
     }
 }
 
+/// The table in `docs/formats.md`, on a board whose limits leave room for the tone: it is in the blob, and unchanged through other commands.
+#[test]
+fn self_sensing_of_the_page_goes_into_the_blob() {
+    let bench = Bench::new(TOOL);
+    let page = include_str!("../../docs/formats.md");
+    let table = page.split("```toml\n").find(|table| table.starts_with("[board.self_sensing]"));
+    let table = table.and_then(|rest| rest.split("```").next()).expect("a table");
+    let board = board_table()
+        .replace("id = 7", "id = 0x0405")
+        .replace("max_slew_v_per_s = 2e4", "max_slew_v_per_s = 1e5")
+        .replace("slew_v_per_s = 5e4", "slew_v_per_s = 1e5")
+        .replace("jump = 2e-4", "jump = 4e-4");
+    let control = "[board.control]\nmax_velocity_m_per_s = 0.02\nmax_acceleration_m_per_s2 = 0.5\nreturn_hz = 5.0\nbandwidth_hz = 0.6\n\
+                   sample_interval_s = 0.02\ndelay_s = 0.014\nlost_after_s = 0.2\nadaptation_s = 30.0\n";
+    let toml = Parameters::preset("table3-n2").expect("there").to_toml() + &board + control + table;
+    bench.write("p.toml", toml.clone());
+    let blob = Blob::decode(&exported(&bench, "p.toml", "1000"), boards::STM32F405).expect("valid").into_parameters();
+    let sensor = blob.self_sensing.expect("in the blob");
+    assert_eq!((sensor.options().periods, sensor.tone_v()), (5, 50.0));
+    assert_eq!(sensor.relation().max_f as f32, 820e-12);
+    assert_eq!(sensor.current(), &Calibration::Parabola { offset: -0.25e-3, gain: 50e-6, quadratic: 0.0 });
+    bench.json("reduce --params p.toml --out r.toml");
+    let [before, after] = ["p.toml", "r.toml"].map(|name| Parameters::read(&bench.path(name)).expect("readable").board);
+    assert_eq!(before, after);
+    let refused = |export: &str, words: &[&str]| names(&bench.fails(export), words);
+    refused("export --params p.toml --rate 500 --out q.bin", &["rate_hz is 500", "at least 999.9"]);
+    for (good, bad, words) in [
+        ("max_slew_v_per_s = 1e5", "max_slew_v_per_s = 5e4", ["limits.max_slew_v_per_s is 50000", "at least 7853"]),
+        ("rest_f = 700e-12", "rest_f = 900e-12", ["max_f", "larger than rest_f"]),
+        ("max_current_a = 0.12e-3", "max_current_a = 0.2e-3", ["its max_current_a is 0.0002", "at most 0.000125"]),
+    ] {
+        assert!(toml.contains(good));
+        bench.write("bad.toml", toml.replace(good, bad));
+        refused("export --params bad.toml --rate 1000 --out q.bin", &words);
+    }
+}
+
 /// The ending chooses the format; one that is another format's is refused, and nothing is written.
 #[test]
 fn the_ending_chooses_the_format() {

@@ -90,6 +90,8 @@ pub fn controller(parameters: &Parameters, supply: &Supply, has_sensor: bool) ->
     limits.on_sensor_fault = if has_sensor { OnSensorFault::Trip } else { OnSensorFault::OpenLoop };
     // That of a board: here the session checks the supply.
     board.self_test_above_v = <BoardParameters>::NO_SELF_TEST_V;
+    // A supply has no monitor of the current that is as fast as a tone.
+    board.self_sensing = None;
     let tick_s = 1.0 / rate_hz as f32;
     control.sample_interval_s = control.sample_interval_s.max(tick_s);
     control.lost_after_s = control.lost_after_s.max(3.0 * control.sample_interval_s);

@@ -266,7 +266,8 @@ impl<'a> SimulatedBench<'a> {
 
 /// The blob of `parameters` on `board`, as the controller reads it.
 fn blob(parameters: &Parameters, board: &Board) -> Result<Blob> {
-    let bytes = parameters.to_blob(board, RATE_HZ)?;
+    // This bench has no monitor of the current.
+    let bytes = parameters.to_blob(&Board { self_sensing: None, ..board.clone() }, RATE_HZ)?;
     Blob::decode(&bytes, board.id).map_err(|error| Error::Computation(error.to_string()))
 }
 

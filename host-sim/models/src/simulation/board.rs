@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use dea_driver::chips::Converters;
 use dea_driver::server::{Board, FlightRecorder, FlightSlot, Session};
 use dea_driver::wire::{FRAME_LEN, FlightRecord, Inspection, Message, Part, boards, encode};
 use dea_driver::{Device, Drive, Inputs, RamFlash, Store};
@@ -128,7 +129,9 @@ fn run(listener: &TcpListener, film: Kind, seed: u64, ended: &AtomicBool) {
     let readings = Readings::new(Instruments::default(), seed);
     let mut around =
         Around { plant: NonlinearPlant::at_rest(&film, substep_s), readings, drive: Drive::OFF, film_v: 0.0 };
-    let Ok(store) = Store::new(RamFlash::default(), boards::STM32F405) else { return };
+    // Without a monitor of the current.
+    let converters = Converters::AD5754_ADS868X;
+    let Ok(store) = Store::with_converters(RamFlash::default(), boards::STM32F405, converters) else { return };
     let recorder = FlightRecorder::new(vec![[0; 10]; 2048]);
     let mut bench = Bench { device: Device::new(None), store, recorder };
     let mut session = Session::new("simulated");

@@ -2,10 +2,12 @@
 
 use dea_driver::chips::{Calibration, CommandRange};
 use dea_driver::wire::boards;
-use dea_driver::{BLOB_LEN, Blob, BlobError, Control, Limits, Parameters as BoardParameters};
+use dea_driver::{BLOB_LEN, Blob, BlobError, Control, Limits, Parameters as BoardParameters, SelfSensor};
 use heapless::String;
 use serde::{Deserialize, Serialize, de};
-use springpot::{Actuator, AmplifierLag, CommandLimits, ControlError, Law};
+use springpot::{
+    Actuator, AmplifierLag, CapacitanceRelation, CommandLimits, ControlError, Law, SelfSensingError, SelfSensingOptions,
+};
 
 use super::calibration::AmplifierTable;
 use super::{Parameters, calibration, controller_rate};
@@ -43,6 +45,9 @@ pub struct Board {
     /// Voltage above which it is armed only after a self-test, V.
     #[serde(skip_serializing_if = "needs_no_self_test")]
     pub self_test_above_v: f32,
+    /// The film as its own sensor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub self_sensing: Option<SelfSensing>,
     /// Keys of [`Board::KEYS`] that the file leaves to the paper's bench; of `amplifier`, the calibration.
     #[serde(skip)]
     pub missing: Vec<&'static str>,
@@ -63,6 +68,26 @@ pub(super) struct BoardTable {
     limits: Option<Limits>,
     control: Option<Control>,
     self_test_above_v: Option<f32>,
+    self_sensing: Option<SelfSensing>,
+}
+
+/// The film as its own sensor: what `self-sensing` writes, and the monitor of its current.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SelfSensing {
+    /// Current monitor (V) → current (A).
+    #[serde(with = "calibration")]
+    pub current: Calibration,
+    /// The film.
+    pub relation: CapacitanceRelation,
+    /// Tone and monitors.
+    pub options: SelfSensingOptions,
+}
+
+impl SelfSensing {
+    fn sensor(&self) -> std::result::Result<SelfSensor, SelfSensingError> {
+        SelfSensor::new(&self.relation, self.options, self.current.clone())
+    }
 }
 
 fn needs_no_self_test(above_v: &f32) -> bool {
@@ -105,6 +130,7 @@ impl BoardTable {
             limits: self.limits.unwrap_or(bench.limits),
             control: self.control.unwrap_or(bench.control),
             self_test_above_v: self.self_test_above_v.unwrap_or(bench.self_test_above_v),
+            self_sensing: self.self_sensing.clone().or(bench.self_sensing),
             missing,
         }
     }
@@ -134,8 +160,14 @@ impl Board {
             limits: Limits::bench(actuator.thickness_m as f32),
             control: Control::BENCH,
             self_test_above_v: <BoardParameters>::NO_SELF_TEST_V,
+            self_sensing: None,
             missing: Vec::new(),
         }
+    }
+
+    /// The rate of the ticks, Hz: that of the tone, or that of the paper's bench.
+    pub fn rate_hz(&self) -> f64 {
+        self.self_sensing.as_ref().map_or(1000.0, |sensing| 1.0 / sensing.options.step_s)
     }
 
     /// The same at `rate_hz`: a sensor is stuck after as many seconds as at 1 kHz.
@@ -258,6 +290,8 @@ impl Parameters {
     /// [`Error::Law`] for a model that has no law at this rate, [`Error::Computation`] for what a controller would refuse.
     pub fn to_blob(&self, board: &Board, rate_hz: f64) -> Result<Vec<u8>> {
         let law: Law<f32> = self.film().compressed_law(rate_hz)?;
+        let sensor = board.self_sensing.as_ref().map(SelfSensing::sensor).transpose();
+        let self_sensing = sensor.map_err(|error| Error::Computation(format!("self-sensing: {error}")))?;
         let parameters = BoardParameters {
             name: shortened(&self.name),
             rate_hz: controller_rate(rate_hz) as f32,
@@ -270,6 +304,7 @@ impl Parameters {
             limits: board.limits,
             control: board.control,
             self_test_above_v: board.self_test_above_v,
+            self_sensing,
             ..BoardParameters::bench(&law, self.actuator)
         };
         let mut bytes = vec![0; BLOB_LEN];

@@ -18,7 +18,7 @@ use springpot::{Actuator, Discretisation, Maxwell, Preset, Spring};
 use toml::Spanned;
 
 use crate::error::{Error, Result, short};
-pub use board::{Board, as_written};
+pub use board::{Board, SelfSensing, as_written};
 pub use curve::{ElasticCurve, Shape};
 pub use film::{Film, controller_rate};
 use format::{ActuatorFileTable, ActuatorTable, BoardFileTable, FileTable, SCHEMAS};
@@ -230,8 +230,8 @@ impl Parameters {
         if let Some(table) = &file.board {
             let board = table.get_ref().board(parameters.bench(1000.0));
             plausibility::check_board(&board).map_err(|cause| place.error(table.span(), cause))?;
-            // What a controller would refuse of the board is refused here, where its line is known. The rate does not matter.
-            let checked = parameters.to_blob(&board, 1000.0);
+            // What a controller would refuse of the board is refused here, where its line is known. The rate matters to a tone alone.
+            let checked = parameters.to_blob(&board, board.rate_hz());
             checked.map_err(|e| place.error(table.span(), short(&e)))?;
             parameters.board = Some(board);
         }
