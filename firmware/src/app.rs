@@ -3,6 +3,7 @@
 #[rtic::app(device = crate::family::pac, peripherals = false)]
 mod tasks {
     use cortex_m::peripheral::SCB;
+    use dea_driver::chips::Converters;
     use dea_driver::server::{FlightRecorder, Session, StartError};
     use dea_driver::wire::{FRAME_LEN, Message, encode};
     use dea_driver::{Cause, Device, Drive, DriverState, Store, StoreError};
@@ -20,6 +21,12 @@ mod tasks {
     use crate::panic::Message as PanicMessage;
     use crate::pin::Pin;
     use crate::watchdog::{self, Watchdog};
+
+    /// Converters of the board, with those of its bench.
+    #[cfg(not(feature = "self-sensing"))]
+    const CONVERTERS: Converters = board::CONVERTERS;
+    #[cfg(feature = "self-sensing")]
+    const CONVERTERS: Converters = Converters { current_v: Some(crate::bench::CURRENT_V), ..board::CONVERTERS };
 
     /// Until there are parameters.
     const RATE_HZ: f32 = 1000.0;
@@ -79,7 +86,7 @@ mod tasks {
         let (sending, tx) = cx.local.outgoing.split();
 
         latched = latched.or(reset::check_option_bytes(&chip.flash));
-        let Ok(store) = Store::with_converters(ParameterFlash::new(chip.flash), board::ID, board::CONVERTERS) else {
+        let Ok(store) = Store::with_converters(ParameterFlash::new(chip.flash), board::ID, CONVERTERS) else {
             panic!("the flash holds two slots")
         };
         let mut watchdog = Watchdog::take();
@@ -98,7 +105,10 @@ mod tasks {
         watchdog::outlive_debugger();
         let (state, is_served, rate_hz, record) = cx.shared.device.lock(|device| {
             bench.prepare(device.controller());
-            let drive = device.tick(bench.sample());
+            let inputs = bench.sample();
+            #[cfg(feature = "self-sensing")]
+            device.note_current(bench.current_adc_v());
+            let drive = device.tick(inputs);
             if bench.apply(drive).is_err() {
                 device.trip(Cause::Bus);
             }

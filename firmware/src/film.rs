@@ -29,6 +29,42 @@ pub struct Film {
     newest: usize,
     /// Ticks by which a sample of the sensor is late.
     late: usize,
+    #[cfg(feature = "self-sensing")]
+    circuit: Option<Circuit>,
+}
+
+/// Film and cable as a capacitor of the relation that the parameters have, and the monitor of its current.
+#[cfg(feature = "self-sensing")]
+struct Circuit {
+    rest_f: f32,
+    stroke_m: [f32; 3],
+    monitor: Calibration,
+    rate_hz: f32,
+    charge_c: f32,
+    current_a: f32,
+}
+
+#[cfg(feature = "self-sensing")]
+impl Circuit {
+    fn new(sensor: &dea_driver::SelfSensor, rate_hz: f32) -> Self {
+        let relation = sensor.relation();
+        let stroke_m = relation.stroke_m.map(|a| a as f32);
+        let monitor = sensor.current().clone();
+        Self { rest_f: relation.rest_f as f32, stroke_m, monitor, rate_hz, charge_c: 0.0, current_a: 0.0 }
+    }
+
+    /// A tick that ends at `displacement_m` (m) and `voltage_v` (V).
+    fn advance(&mut self, displacement_m: f32, voltage_v: f32) {
+        let [a, b, c] = self.stroke_m;
+        // Newton's method from the straight relation.
+        let change = (0..3).fold(displacement_m / a, |q, _| {
+            let (shown, slope) = (q * (a + q * (b + q * c)), a + q * (2.0 * b + 3.0 * c * q));
+            q + (displacement_m - shown) / slope
+        });
+        let charge_c = self.rest_f * (1.0 + change) * voltage_v;
+        self.current_a = (charge_c - self.charge_c) * self.rate_hz;
+        self.charge_c = charge_c;
+    }
 }
 
 impl Film {
@@ -52,6 +88,8 @@ impl Film {
             voltage_v: 0.0,
             past: [0.0; KEPT],
             newest: 0,
+            #[cfg(feature = "self-sensing")]
+            circuit: parameters.self_sensing.as_ref().map(|sensor| Circuit::new(sensor, parameters.rate_hz)),
             late: ((parameters.control.delay_s * parameters.rate_hz + 0.5) as usize).min(KEPT - 1),
         })
     }
@@ -70,11 +108,21 @@ impl Film {
         let load = self.drive.load(STRONGER * self.voltage_v);
         self.newest = (self.newest + 1) % KEPT;
         self.past[self.newest] = self.law.displacement_under(&mut self.state, load);
+        #[cfg(feature = "self-sensing")]
+        if let Some(circuit) = &mut self.circuit {
+            circuit.advance(self.past[self.newest], self.voltage_v);
+        }
     }
 
     /// The output of its voltage monitor, V.
     pub fn monitor_v(&self) -> f32 {
         self.monitor.invert(self.voltage_v)
+    }
+
+    /// The output of its current monitor, V.
+    #[cfg(feature = "self-sensing")]
+    pub fn current_v(&self) -> f32 {
+        self.circuit.as_ref().map_or(0.0, |circuit| circuit.monitor.invert(circuit.current_a))
     }
 
     /// The output of its displacement sensor, V.

@@ -27,6 +27,9 @@ const FAULTS: [InjectedFault; 6] = [
 
 /// The range of both simulated ADCs.
 const ADC: AdcRange = AdcRange::UpTo10V24;
+/// Largest output of the current monitor, V.
+#[cfg(feature = "self-sensing")]
+pub const CURRENT_V: f32 = ADC.max_v();
 /// Reading of the sensor before there are parameters, V.
 const AT_REST_V: f32 = 1.0;
 /// Largest noise of the sensor, codes: a live sensor is never still.
@@ -49,6 +52,9 @@ pub struct Bench {
     monitor: u16,
     /// Its reading in the tick before.
     sampled: u16,
+    /// The same for the monitor of the current.
+    #[cfg(feature = "self-sensing")]
+    current: [u16; 2],
     noise: u32,
     stuck: bool,
     disabled: bool,
@@ -67,7 +73,17 @@ impl Bench {
             monitor_adc_v: 0.0,
             sensor_adc_v: AT_REST_V,
         };
-        Self { film: None, monitor: 0, sampled: 0, noise: 1, stuck: false, disabled: true, found }
+        Self {
+            film: None,
+            monitor: 0,
+            sampled: 0,
+            #[cfg(feature = "self-sensing")]
+            current: [0; 2],
+            noise: 1,
+            stuck: false,
+            disabled: true,
+            found,
+        }
     }
 
     /// Mounts the film of the present parameters, if it is another one than before.
@@ -121,6 +137,14 @@ impl Bench {
         inputs
     }
 
+    /// The reading of the current monitor, as old as that of the voltage monitor, V.
+    #[cfg(feature = "self-sensing")]
+    pub fn current_adc_v(&mut self) -> Option<f32> {
+        let [sampled, newest] = self.current;
+        self.current[0] = newest;
+        Some(AdcCode(sampled).volts(ADC))
+    }
+
     /// State of the parts in the last tick.
     pub fn inspection(&self) -> Inspection {
         self.found
@@ -130,6 +154,10 @@ impl Bench {
         self.disabled = !drive.enable;
         if let Some(film) = &mut self.film {
             film.advance(drive);
+            #[cfg(feature = "self-sensing")]
+            {
+                self.current[1] = code_of(film.current_v());
+            }
             if !self.stuck {
                 self.monitor = code_of(film.monitor_v());
             }

@@ -2,12 +2,14 @@
 
 use std::time::Instant;
 
+use dea_driver::chips::Calibration;
 use dea_driver::wire::{Answer, BAUD, Command, FlightRecord, InjectedFault, Mode, Reject, Status, boards};
-use dea_driver::{Cause, DriverState, SensorFault};
-use host_sim::files::parameters::{Board, Parameters};
+use dea_driver::{Cause, Control, DriverState, Limits, OnSensorFault, SensorFault};
+use host_sim::files::parameters::{Board, Parameters, SelfSensing};
 use host_sim::link::{Client, Emulator, Port};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use springpot::{CapacitanceRelation, SelfSensingOptions};
 use tests::bench::bench_limits;
 
 use crate::{DEADLINE, image, stated};
@@ -157,6 +159,72 @@ fn wait_for_0_v(client: &mut Client, mut meanwhile: impl FnMut(&mut Client, u32)
         meanwhile(client, sample.tick - last.replace(sample.tick).unwrap_or(sample.tick));
     }
     panic!("still not at 0 V");
+}
+
+/// Without its displacement sensor the virtual board tracks its film, which pulls 3 % harder than its model, by the film's own capacitance; a monitor of the
+/// voltage that does not answer then ends the run.
+#[test]
+fn a_film_is_tracked_by_its_own_capacitance() {
+    let parameters = Parameters::preset("table3-n2").expect("a preset");
+    let calibration = |offset, gain| Calibration::Parabola { offset, gain, quadratic: 0.0 };
+    let relation =
+        CapacitanceRelation { uncertainty_m: 5e-5, ..CapacitanceRelation::of_geometry(600e-12, 0.04, 2.0, 720e-12) };
+    let options = SelfSensingOptions { max_current_a: 0.12e-3, cable_f: 0.0, ..SelfSensingOptions::BENCH };
+    let mut limits = Limits { heartbeat_s: ANY_SILENCE_S, max_slew_v_per_s: 100e3, ..bench_limits() };
+    limits.on_sensor_fault = OnSensorFault::OpenLoop;
+    let bench = Board::bench(&parameters.actuator);
+    let control = Control {
+        max_velocity_m_per_s: 0.015,
+        sample_interval_s: 0.02,
+        delay_s: 0.014,
+        lost_after_s: 0.2,
+        ..bench.control
+    };
+    let self_sensing = Some(SelfSensing { current: calibration(-0.25e-3, 50e-6), relation, options });
+    let board = Board { limits, control, sensor: calibration(-1e-3, 1e-3), self_sensing, ..bench };
+    let blob = parameters.to_blob(&board, 1000.0).expect("valid");
+
+    // An image without a monitor of the current says why it refuses them.
+    let (_emulator, port) = Emulator::start(&image("qemu")).expect("starts");
+    let (mut client, _) = Client::new(port).expect("answers");
+    let refused = client.upload(&blob, false).expect_err("no monitor of the current").to_string();
+    assert!(refused.contains("monitor of the current"), "{refused}");
+
+    let (_emulator, port) = Emulator::start(&image("virtual-board")).expect("starts");
+    let (mut client, _) = Client::new(port).expect("answers");
+    client.upload(&blob, false).expect("taken");
+    wait(&mut client, |status| status.ticks > 500);
+    client.arm().expect("done");
+    client.order(Command::Start(Mode::Tracking)).expect("done");
+    client.order(Command::SetReference(0.8e-3)).expect("done");
+    client.order(Command::InjectFault(InjectedFault::Sensor)).expect("done");
+    client.order(Command::Stream { every: 21 }).expect("done");
+    let deadline = Instant::now() + DEADLINE;
+    let (mut mean_m, mut tones, mut before_v, mut samples) = (0.0f32, 0, 0.0, 0);
+    while let Some(sample) = client.sample(deadline).expect("read") {
+        samples += 1;
+        if samples % 50 == 0 {
+            client.order(Command::SetReference(0.8e-3)).expect("done");
+        }
+        if samples > 400 {
+            mean_m += 0.01 * sample.displacement_m;
+            // From a tick of the tone to the next one.
+            tones += u32::from((40.0..60.0).contains(&(sample.command_v - before_v).abs()));
+        }
+        before_v = sample.command_v;
+        if samples == 500 {
+            break;
+        }
+    }
+    let status = client.status().expect("answers");
+    println!("{mean_m} m, {tones} steps of the tone, {} bytes of stack", status.stack_peak);
+    assert_eq!((status.state, samples), (DriverState::Running, 500));
+    // Feedforward alone would be 24 um further.
+    assert!((mean_m - 0.8e-3).abs() < 4e-6 && tones > 95, "{mean_m} m, {tones} steps of the tone");
+    client.order(Command::Stream { every: 0 }).expect("done");
+    client.order(Command::InjectFault(InjectedFault::Bus)).expect("done");
+    let ended = wait(&mut client, |status| status.state != DriverState::Running);
+    assert_eq!((ended.state, ended.command_v), (DriverState::Tripped(Cause::Bus), 0.0));
 }
 
 #[test]

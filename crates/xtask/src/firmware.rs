@@ -17,7 +17,8 @@ const H405: Image = Image { program: "firmware", what: "an STM32-H405", options:
 const DISCOVERY: Image =
     Image { program: "stm32f407-discovery", what: "an STM32F4DISCOVERY", options: "--no-default-features" };
 const QEMU: Image = Image { program: "qemu", what: "QEMU", options: "" };
-const VIRTUAL_BOARD: Image = Image { program: "virtual-board", what: "the virtual board", options: "" };
+const VIRTUAL_BOARD: Image =
+    Image { program: "virtual-board", what: "the virtual board", options: "--no-default-features --features self-sensing" };
 
 /// Builds the image that runs in QEMU: what `springpot pil` starts.
 pub fn image(toolchain: &Toolchain) -> Result<()> {
