@@ -1,6 +1,6 @@
 //! Single bits that flip in the memory of a controller: in its parameters, laws, limits, states and set-points, and on the stack of a tick.
 //!
-//! Each case takes a controller that runs in one of the modes, or is disarmed, armed or tripped, flips one bit at a random moment, lets it go
+//! Each case takes a controller that runs in one of the modes, with the film as its own sensor as well, or is disarmed, armed or tripped, flips one bit at a random moment, lets it go
 //! on for 0.4 s, and then makes one thing happen that has to end at 0 V: the interlock opens, the host is silent, the monitor reads 0 V, the amplifier gives
 //! 1.6 times its command, the sensor is unplugged, the host disarms. The film and its amplifier are not in that memory. On the stack a bit flips
 //! between two instructions of the tick: the processor traps after each of them.
@@ -23,13 +23,15 @@ use dea_driver::chips::DacCode;
 use dea_driver::server::Session;
 use dea_driver::wire::{Answer, Command, FRAME_LEN, Inspection, LearningOrder, Message, Part, Request, encode};
 use dea_driver::{
-    Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Limits, Mode, Motion, Parameters, RamFlash, Supervisor,
+    Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Limits, Mode, Motion, OnSensorFault, Parameters,
+    RamFlash, Supervisor,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use crate::bench::{board_parameters, encoded};
 use crate::board::{BOARD, Bench};
+use crate::circuit::{Circuit, sensed_parameters};
 use crate::film::{Film, ModelFilm};
 use crate::scale::cases;
 use crate::stack;
@@ -48,9 +50,21 @@ const MAX_ABOVE: u32 = 25;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Doing {
     Runs(Mode),
+    /// Tracking, with the film as its own sensor beside the other one.
+    Senses,
     Armed,
     Disarmed,
     Tripped,
+}
+
+impl Doing {
+    fn mode(self) -> Option<Mode> {
+        match self {
+            Self::Runs(mode) => Some(mode),
+            Self::Senses => Some(Mode::Tracking),
+            _ => None,
+        }
+    }
 }
 
 const DOINGS: [Doing; 8] = [
@@ -58,7 +72,7 @@ const DOINGS: [Doing; 8] = [
     Doing::Runs(Mode::Feedforward),
     Doing::Runs(Mode::Tracking),
     Doing::Runs(Mode::Tracking),
-    Doing::Runs(Mode::Voltage),
+    Doing::Senses,
     Doing::Armed,
     Doing::Disarmed,
     Doing::Tripped,
@@ -104,6 +118,8 @@ struct World {
     bench: Bench,
     session: Session,
     film: Film,
+    circuit: Circuit,
+    current_adc_v: Option<f32>,
     film_v: f64,
     displacement_m: f64,
     shown_m: f64,
@@ -117,8 +133,9 @@ struct World {
     danger: Option<&'static str>,
 }
 
-fn parameters() -> Parameters {
-    let mut parameters = board_parameters();
+fn parameters(doing: Doing) -> Parameters {
+    let mut parameters = if doing == Doing::Senses { sensed_parameters() } else { board_parameters() };
+    parameters.limits.on_sensor_fault = OnSensorFault::Trip;
     parameters.limits = Limits { max_voltage_v: MAX_V, max_displacement_m: STROKE_M, ..parameters.limits };
     parameters.limits.sensor.low = -0.5e-3;
     parameters.limits.sensor.high = 3e-3;
@@ -130,12 +147,14 @@ impl World {
     /// As it is before a bit flips.
     fn new(doing: Doing) -> Self {
         let mut bench = Bench::new(RamFlash::default(), None);
-        let blob: Blob = Blob::decode(&encoded(&parameters(), BOARD), BOARD).expect("valid");
+        let blob: Blob = Blob::decode(&encoded(&parameters(doing), BOARD), BOARD).expect("valid");
         bench.device.install(Controller::new(blob)).expect("disabled");
         let mut world = Self {
             bench,
             session: Session::new("1.2.3"),
             film: Film::Model(ModelFilm::new(1.0, 1.03)),
+            circuit: Circuit::new(9),
+            current_adc_v: None,
             film_v: 0.0,
             displacement_m: 0.0,
             shown_m: 0.0,
@@ -153,7 +172,7 @@ impl World {
             let Answer::Armed { token } = world.ask(Command::Arm) else { panic!("refused") };
             world.token = token;
         }
-        if let Doing::Runs(mode) = doing {
+        if let Some(mode) = doing.mode() {
             assert_eq!(world.ask(Command::Start(mode)), Answer::Done);
             if mode == Mode::Feedforward {
                 assert_eq!(world.ask(Command::Learning(LearningOrder::Forget)), Answer::Done);
@@ -165,7 +184,7 @@ impl World {
         }
         (0..1500).for_each(|_| world.advance(None));
         let expected = match doing {
-            Doing::Runs(_) => DriverState::Running,
+            Doing::Runs(_) | Doing::Senses => DriverState::Running,
             Doing::Armed => DriverState::Armed,
             Doing::Disarmed => DriverState::Disarmed,
             Doing::Tripped => DriverState::Tripped(Cause::Overrun),
@@ -211,14 +230,17 @@ impl World {
         };
         let was_enabled = self.drive.enable;
         let device = &mut self.bench.device;
+        device.note_current(self.current_adc_v);
         let (drive, code) = match flip {
             Some(flip) => {
                 // An address that has flipped may lead into the film, which is in no memory of a controller.
                 let film = Box::new((self.film.clone(), self.film_v, self.displacement_m, self.shown_m));
+                let circuit = Box::new(self.circuit.clone());
                 // Nor into what judges it, which is not beside the tick on the stack.
                 let rest = Box::new((self.event, self.doing, self.tick, self.above, self.danger));
                 let done = stack::with_flip(flip, || tick(device, inputs));
                 (self.film, self.film_v, self.displacement_m, self.shown_m) = *film;
+                self.circuit = *circuit;
                 (self.event, self.doing, self.tick, self.above, self.danger) = *rest;
                 done
             }
@@ -230,14 +252,17 @@ impl World {
         let gain = if self.event == Some(Event::Amplifier) { 1600.0 } else { 1000.0 };
         self.film_v = if drive.enable { gain * f64::from(code.volts(drive.range)) } else { 0.0 };
         self.displacement_m = self.film.step(self.film_v);
+        self.current_adc_v = Some(self.circuit.tick(self.film_v, self.displacement_m));
         // The host.
         let swing = (1.0 - (std::f64::consts::TAU * 0.5 * seconds).cos()) as f32 / 2.0;
         if self.tick.is_multiple_of(10) && self.event != Some(Event::Silence) {
             let command = match self.doing {
                 Doing::Runs(Mode::Voltage) if self.event == Some(Event::Overdriven) => Command::SetVoltage(MAX_V),
-                Doing::Runs(_) if self.event == Some(Event::Overdriven) => Command::SetReference(0.99 * STROKE_M),
+                Doing::Runs(_) | Doing::Senses if self.event == Some(Event::Overdriven) => {
+                    Command::SetReference(0.99 * STROKE_M)
+                }
                 Doing::Runs(Mode::Voltage) => Command::SetVoltage(800.0 + 2000.0 * swing),
-                Doing::Runs(_) => Command::SetReference(0.2e-3 + 0.5e-3 * swing),
+                Doing::Runs(_) | Doing::Senses => Command::SetReference(0.2e-3 + 0.5e-3 * swing),
                 _ => Command::Heartbeat,
             };
             self.ask(command);
