@@ -242,7 +242,8 @@ impl<M: ControllerMemory> Controller<M> {
         // Sample: volts at the converters become quantities. A converter that did not answer reads as NaN.
         let monitor_v = inputs.monitor_adc_v.map_or(f32::NAN, |volts| self.parameters.monitor.apply(volts));
         let sensor_m = inputs.sensor_adc_v.map_or(f32::NAN, |volts| self.parameters.sensor.apply(volts));
-        let shown = self.film_sensor.sense(sensor_m - self.parameters.sensor_offset_m, monitor_v);
+        let sensor_m = sensor_m - self.parameters.sensor_offset_m;
+        let shown = self.film_sensor.sense(sensor_m, monitor_v, self.supervisor.falls());
         let displacement_m = shown.displacement_m;
 
         // Check: sensors, limits, heartbeat. Without the monitor the voltage at the film is unknown: trip at once. Without

@@ -77,6 +77,8 @@ mod with_current {
         current_a: Option<f32>,
         /// NaN until the first sample of a run.
         shown_m: f32,
+        /// Falls of the monitor's reading before sensing began.
+        falls: u16,
         /// Whether the last sample was further from the one before than a plausible jump: it is used if the next one is as far.
         is_doubted: bool,
     }
@@ -98,6 +100,7 @@ mod with_current {
                 tone_v: 0.0,
                 current_a: None,
                 shown_m: f32::NAN,
+                falls: 0,
                 is_doubted: false,
             }))
         }
@@ -109,12 +112,17 @@ mod with_current {
             }
         }
 
-        /// Takes the readings of the last tick, of which the sensor shows `displacement_m` (m).
+        /// Takes the readings of the last tick, of which the sensor shows `displacement_m` (m), and how often that of the monitor has fallen since it
+        /// was armed.
         #[inline]
-        pub fn sense(&mut self, displacement_m: f32, monitor_v: f32) -> Shown {
+        pub fn sense(&mut self, displacement_m: f32, monitor_v: f32, falls: u16) -> Shown {
             match &mut self.0 {
-                Some(parts) if parts.is_on => parts.sense(displacement_m, monitor_v),
-                _ => Shown::by_sensor(displacement_m),
+                Some(parts) if parts.is_on => parts.sense(displacement_m, monitor_v, falls),
+                Some(parts) => {
+                    parts.falls = falls;
+                    Shown::by_sensor(displacement_m)
+                }
+                None => Shown::by_sensor(displacement_m),
             }
         }
 
@@ -180,11 +188,15 @@ mod with_current {
 
     impl Parts {
         #[inline(never)] // for films that are sensed
-        fn sense(&mut self, displacement_m: f32, monitor_v: f32) -> Shown {
+        fn sense(&mut self, displacement_m: f32, monitor_v: f32, falls: u16) -> Shown {
             let current_a = self.current_a.take().unwrap_or(f32::NAN);
             let sensed = self.sensing.sense(&mut self.state, FilmReading { voltage_v: monitor_v, current_a });
             let sample = sensed.map(|sensed| sensed.sample).filter(|sample| self.is_believed(sample.displacement_m));
             self.shown_m = sample.map_or(self.shown_m, |sample| sample.displacement_m);
+            if self.state.fault().is_some() && falls != self.falls {
+                // An arc, which may heal: sensing begins anew.
+                (self.state, self.falls) = (self.sensing.state(), falls);
+            }
             let fault = self.state.fault().map(|fault| match fault {
                 SelfSensingFault::NoTone => Cause::NoTone,
                 SelfSensingFault::Shorted => Cause::FilmShorted,
@@ -237,7 +249,7 @@ mod without_current {
         }
 
         #[inline]
-        pub fn sense(&mut self, displacement_m: f32, _: f32) -> Shown {
+        pub fn sense(&mut self, displacement_m: f32, _: f32, _: u16) -> Shown {
             Shown::by_sensor(displacement_m)
         }
 

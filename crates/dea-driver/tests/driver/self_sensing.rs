@@ -285,6 +285,44 @@ fn other_faults_end_as_without_the_tone() {
     assert_eq!((silent.state(), ends), (DriverState::Tripped(Cause::Heartbeat), Some(500)));
 }
 
+/// With the tone on an arc may heal at any tick of a block, of a film whose recharge the monitor of the current shows in part, for a tick or
+/// for as long as the monitor may take to settle, and the next one trips. An electrode that is lost by it ends the run.
+#[test]
+fn an_arc_may_heal_with_the_tone_on() {
+    for (at, lasts) in (0..20).flat_map(|at| [(at, 1), (at, 7), (at, 19)]) {
+        let arc = |bench: &mut Bench| {
+            for k in 0..lasts {
+                bench.film.controller.heartbeat();
+                bench.current_adc_v = Some(adc_v(u16::MAX));
+                bench.tick(|inputs| {
+                    inputs.monitor_adc_v = inputs.monitor_adc_v.map(|volts| volts * k as f32 / lasts as f32);
+                });
+            }
+        };
+        let arced = || {
+            let mut bench = Bench::tracking();
+            bench.run(|time_s| 0.8e-3 * time_s.min(1.0), 1500 + at);
+            arc(&mut bench);
+            bench
+        };
+        let mut bench = arced();
+        assert_eq!(bench.state(), DriverState::Running, "at {at}, {lasts} ticks");
+        bench.run(|_| 0.8e-3, 300);
+        assert_eq!(bench.state(), DriverState::Running, "at {at}, {lasts} ticks");
+        arc(&mut bench);
+        assert_eq!(bench.state(), DriverState::Tripped(Cause::Monitor), "at {at}, {lasts} ticks");
+
+        let mut lost = arced();
+        lost.circuit.electrodes_ohm = 1e12;
+        let ends = (1..200).find(|_| {
+            lost.film.controller.heartbeat();
+            !lost.tick(|_| ()).enable
+        });
+        assert_eq!(lost.state(), DriverState::Tripped(Cause::Electrode), "at {at}, {lasts} ticks");
+        assert!(ends.is_some_and(|ticks| ticks <= 160), "at {at}, {lasts} ticks: {ends:?}");
+    }
+}
+
 /// A monitor of the current that lies so slowly that the controller takes it for a film that becomes stiffer, with a law that follows its film and
 /// without: the model that watches the stroke follows nothing of it.
 #[test]
