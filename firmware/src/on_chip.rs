@@ -152,10 +152,8 @@ impl Amplifier {
 
     /// Checks that the DAC holds what it was sent last, and that its pin shows it. Returns the supply.
     fn check(&self, sample: Option<Sample>) -> Result<f32, AmplifierError> {
-        let ([found, wanted], held) = (self.dac.setting(), self.dac.held());
-        if found != wanted {
-            return Err(AmplifierError::Readback { wanted, found });
-        }
+        self.dac.check()?;
+        let held = self.dac.held();
         let Some(Sample { pin, supply_v, .. }) = sample else { return Err(AmplifierError::Bus) };
         for (found, off) in [(held, 0), (pin, PIN_CODES + self.code / PIN_SHARE)] {
             if self.code.abs_diff(found) > off {

@@ -13,12 +13,19 @@ struct Image {
     options: &'static str,
 }
 
-const H405: Image = Image { program: "firmware", what: "an STM32-H405", options: "--no-default-features" };
-const DISCOVERY: Image =
-    Image { program: "stm32f407-discovery", what: "an STM32F4DISCOVERY", options: "--no-default-features" };
+const F4: &str = "--no-default-features --features stm32f4";
+const G4: &str = "--no-default-features --features stm32g4";
+const BOARDS: [Image; 3] = [
+    Image { program: "firmware", what: "an STM32-H405", options: F4 },
+    Image { program: "stm32f407-discovery", what: "an STM32F4DISCOVERY", options: F4 },
+    Image { program: "nucleo-g474re", what: "a NUCLEO-G474RE", options: G4 },
+];
 const QEMU: Image = Image { program: "qemu", what: "QEMU", options: "" };
-const VIRTUAL_BOARD: Image =
-    Image { program: "virtual-board", what: "the virtual board", options: "--no-default-features --features self-sensing" };
+const VIRTUAL_BOARD: Image = Image {
+    program: "virtual-board",
+    what: "the virtual board",
+    options: "--no-default-features --features stm32f4,self-sensing",
+};
 
 /// Builds the image that runs in QEMU: what `springpot pil` starts.
 pub fn image(toolchain: &Toolchain) -> Result<()> {
@@ -33,13 +40,13 @@ pub fn virtual_board(toolchain: &Toolchain) -> Result<PathBuf> {
 /// Checks and builds all images. The linker fails beyond their budget of flash and RAM.
 pub fn images(toolchain: &Toolchain) -> Result<()> {
     format(&folder())?;
-    for image in [H405, DISCOVERY, QEMU, VIRTUAL_BOARD] {
+    for image in BOARDS.iter().chain([&QEMU, &VIRTUAL_BOARD]) {
         toolchain.lint(&folder(), TARGETS[0], &format!("--bin {} {}", image.program, image.options))?;
     }
     build(toolchain, &QEMU)?;
     let virtual_board = build(toolchain, &VIRTUAL_BOARD)?;
-    for board in [H405, DISCOVERY] {
-        no_virtual_bench_on_a_board(&build(toolchain, &board)?, &virtual_board)?;
+    for board in &BOARDS {
+        no_virtual_bench_on_a_board(&build(toolchain, board)?, &virtual_board)?;
     }
     Ok(())
 }

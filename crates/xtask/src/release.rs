@@ -14,7 +14,7 @@ use builds::{SYSTEMS, Source, System};
 pub use builds::{WINDOWS, windows};
 
 /// All files of a release, with VERSION for the version. docs/CONTRIBUTING.md says what they are for.
-const FILES: [&str; 17] = [
+const FILES: [&str; 20] = [
     "SHA256SUMS",
     "dea-driver-VERSION.crate",
     "springpot-VERSION-cp311-abi3-manylinux2014_x86_64.manylinux_2_17_x86_64.whl",
@@ -22,6 +22,9 @@ const FILES: [&str; 17] = [
     "springpot-VERSION.crate",
     "springpot-aarch64-unknown-linux-musl",
     "springpot-arduino.zip",
+    "springpot-firmware-nucleo-g474re.bin",
+    "springpot-firmware-nucleo-g474re.dfu",
+    "springpot-firmware-nucleo-g474re.elf",
     "springpot-firmware-stm32f405.bin",
     "springpot-firmware-stm32f405.dfu",
     "springpot-firmware-stm32f405.elf",

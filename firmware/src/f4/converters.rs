@@ -1,7 +1,7 @@
 //! Registers of the converters on an STM32F4: channel 2 of the DAC, at PA5, and ADC1 and ADC2 side by side.
 
 use cortex_m::asm;
-use dea_driver::chips::AdcError;
+use dea_driver::chips::{AdcError, AmplifierError};
 use stm32f4xx_hal::pac::{ADC_COMMON, ADC1, ADC2, DAC, adc1};
 use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 
@@ -145,9 +145,10 @@ impl Channel {
         self.0.dhr12r2().write(|w| unsafe { w.bits(code.into()) });
     }
 
-    /// How it is set, as found and as wanted.
-    pub fn setting(&self) -> [u16; 2] {
-        [self.0.cr().read().bits(), DAC_CR].map(|bits| (bits >> 16) as u16)
+    /// Checks that it is as it was set.
+    pub fn check(&self) -> Result<(), AmplifierError> {
+        let [wanted, found] = [DAC_CR, self.0.cr().read().bits()].map(|bits| (bits >> 16) as u16);
+        if found == wanted { Ok(()) } else { Err(AmplifierError::Readback { wanted, found }) }
     }
 
     /// The code that it holds.

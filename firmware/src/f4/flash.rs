@@ -97,3 +97,8 @@ fn flush_caches() {
     control.modify(|_, w| w.dcrst().clear_bit().icrst().clear_bit());
     control.modify(|_, w| w.dcen().set_bit().icen().set_bit());
 }
+
+/// Nothing that this flash does ends in a non-maskable interrupt.
+pub fn forgives() -> bool {
+    false
+}

@@ -6,6 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use stm32f4xx_hal::pac::Peripherals;
 
 use crate::chip::Chip;
+use crate::chip::family::Family;
 use crate::chip::rcc::Oscillators;
 use crate::chip::violation::Violation;
 use crate::log::{self, Line};
@@ -22,12 +23,18 @@ pub struct Board {
 }
 
 impl Board {
-    /// Switches a board on.
+    /// Switches a board with an STM32F4 on.
     #[must_use]
     pub fn new(oscillators: Oscillators) -> Self {
+        Self::with(Family::F4, oscillators)
+    }
+
+    /// Switches a board on.
+    #[must_use]
+    pub fn with(family: Family, oscillators: Oscillators) -> Self {
         let only = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         trap::install();
-        *trap::machine() = Some(Machine::new(Chip::new(oscillators), ACCESSES));
+        *trap::machine() = Some(Machine::new(Chip::new(family, oscillators), ACCESSES));
         log::take();
         Self { _only: only }
     }

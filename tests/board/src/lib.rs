@@ -1,5 +1,7 @@
 #![doc = include_str!("../README.md")]
 #![cfg(all(target_arch = "x86_64", target_os = "linux"))]
+// What the families share is there once for each.
+#![allow(clippy::duplicate_mod)]
 
 // The firmware logs by the name of defmt.
 extern crate self as defmt;
@@ -8,6 +10,7 @@ pub mod board;
 pub mod chip;
 mod cortex;
 pub mod f4;
+pub mod g4;
 pub mod log;
 pub mod panic;
 mod trap;

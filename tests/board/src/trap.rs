@@ -12,9 +12,17 @@ use libc::{siginfo_t, ucontext_t};
 
 use crate::chip::Chip;
 
-/// Addresses of the chip, with their lengths: the factory's values; peripherals on APB1, APB2 and AHB1; the same, bit by bit; the core's own.
-const REGIONS: [(usize, usize); 4] =
-    [(0x1fff_7000, 0x1000), (0x4000_0000, 0x8_0000), (0x4200_0000, 0x100_0000), (0xe000_0000, 0x10_0000)];
+/// Addresses of the chips, with their lengths: pages of the flash; the factory's values; peripherals; those of an STM32F4 bit by bit; pins and
+/// converters of an STM32G4; the core's own.
+const REGIONS: [(usize, usize); 7] = [
+    (0x0807_e000, 0x2000),
+    (0x1fff_7000, 0x1000),
+    (0x4000_0000, 0x8_0000),
+    (0x4200_0000, 0x100_0000),
+    (0x4800_0000, 0x2000),
+    (0x5000_0000, 0x1000),
+    (0xe000_0000, 0x10_0000),
+];
 const PAGE: usize = 4096;
 /// The processor traps after the next instruction.
 const TRAP_FLAG: i64 = 1 << 8;

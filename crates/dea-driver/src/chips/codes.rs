@@ -158,12 +158,20 @@ impl Resolution {
 impl Converters {
     /// Lowest and highest supply of an STM32F4 of 3 V with [`STM32F4_ON_CHIP`](Self::STM32F4_ON_CHIP), V. It is the reference of its converters.
     pub const STM32F4_SUPPLY_V: [f32; 2] = [2.8, 3.2];
+    /// The DAC and the ADCs on an STM32F4, by [`on_chip`](Self::on_chip).
+    pub const STM32F4_ON_CHIP: Self = Self::on_chip(Self::STM32F4_SUPPLY_V);
 
-    /// The DAC and the ADCs on an STM32F4 whose supply is their reference, V at its pins, without ceilings. Full scales are those of the lowest
-    /// supply; the steps are two of 4096 of the highest, since neighbouring codes of the DAC may be as far apart, and an ADC is off by as much
-    /// (data sheet: differential linearity). The supply is measured with the chip's own reference, which is taken to be off by 1 % at the most.
-    pub const STM32F4_ON_CHIP: Self = {
-        let [low_v, high_v] = Self::STM32F4_SUPPLY_V;
+    /// Lowest and highest supply of an STM32G4 of 3.3 V with [`STM32G4_ON_CHIP`](Self::STM32G4_ON_CHIP), V.
+    pub const STM32G4_SUPPLY_V: [f32; 2] = [3.1, 3.5];
+    /// The DAC and the ADCs on an STM32G4, by [`on_chip`](Self::on_chip).
+    pub const STM32G4_ON_CHIP: Self = Self::on_chip(Self::STM32G4_SUPPLY_V);
+
+    /// The DAC and the ADCs of 12 bits on a chip whose supply, V from the lowest to the highest, is their reference, V at its pins, without ceilings.
+    /// Full scales are those of the lowest supply; the steps are two of 4096 of the highest, since neighbouring codes of the DAC may be as far apart,
+    /// and an ADC is off by as much (data sheet: differential linearity). The supply is measured with the chip's own reference, which is taken to be
+    /// off by 1 % at the most.
+    #[must_use]
+    pub const fn on_chip([low_v, high_v]: [f32; 2]) -> Self {
         let full_scale_v = low_v * (4095.0 / 4096.0);
         let step = 2.0 * high_v / 4096.0 / full_scale_v;
         Self {
@@ -174,7 +182,7 @@ impl Converters {
             resolution: Resolution { command: step, monitor: step, sensor: step, reference: 0.01 },
             ceilings: Ceilings::NONE,
         }
-    };
+    }
 
     /// The converters of a board that this repository has firmware for, by its number, without ceilings; those of
     /// [`boards::STM32F405`] for any other number: a firmware of your own states what it has. With a monitor of the current where a board may
@@ -183,6 +191,7 @@ impl Converters {
     pub const fn of_board(id: u16) -> Self {
         match id {
             boards::STM32F407_DISCOVERY => Self::STM32F4_ON_CHIP,
+            boards::NUCLEO_G474RE => Self::STM32G4_ON_CHIP,
             _ => Self { current_v: Some(AdcRange::UpTo10V24.max_v()), ..Self::AD5754_ADS868X },
         }
     }

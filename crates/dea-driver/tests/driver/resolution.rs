@@ -30,13 +30,13 @@ fn refused(change: impl FnOnce(&mut Parameters)) -> BlobError {
 }
 
 /// The smallest value of a limit that is kept, and the first below it that is not, by bisection.
-fn smallest(low: f32, high: f32, set: impl Fn(&mut Parameters, f32)) -> f32 {
+fn smallest(board: u16, low: f32, high: f32, set: impl Fn(&mut Parameters, f32)) -> f32 {
     let (mut low, mut high) = (low, high);
     while high / low > 1.0001 {
         let middle = (low * high).sqrt();
         let mut changed = parameters();
         set(&mut changed, middle);
-        match changed.encode(BOARD, &mut [0; BLOB_LEN]) {
+        match changed.encode(board, &mut [0; BLOB_LEN]) {
             Ok(_) => high = middle,
             Err(BlobError::Resolution { value, min, .. }) => {
                 assert_eq!(value, middle);
@@ -97,38 +97,44 @@ fn the_converters_of_16_bits_refuse_nothing_finer() {
     assert!(Blob::new(fine).is_ok());
 }
 
-/// The page states, for a usual bench, what follows from the constants of the board.
+/// The page states, for a usual bench, what follows from the constants of each board.
 #[test]
 fn the_page_states_what_the_converters_cost() {
-    let page = include_str!("../../../../docs/boards.md");
-    let states = |row: &str, value: String| {
-        let line = page.lines().find(|line| line.starts_with(&format!("| {row} |")));
-        let line = line.unwrap_or_else(|| panic!("no row {row}"));
-        let cell = line.split('|').nth(3).expect("a cell").trim();
-        assert!(cell.starts_with(&value), "{row}: {cell}, computed {value}");
-    };
-    let [low_v, high_v] = Converters::STM32F4_SUPPLY_V;
-    let code = |supply_v: f32| supply_v / 4096.0 * DIVIDER;
-    states("step of the voltage", format!("{:.1} V", 1000.0 * code(3.0)));
-    states("step of the sensor", format!("{:.1} µm", 1e3 * code(3.0)));
-    states("smallest `monitor.band_v`", format!("{:.1} V", smallest(1.0, 60.0, |p, v| p.limits.monitor.band_v = v)));
-    let band_m = smallest(1e-6, 60e-6, |p, v| p.limits.sensor.stuck_band = v);
-    states("smallest `sensor.stuck_band`", format!("{:.1} µm", 1e6 * band_m));
-    states("smallest `sensor.jump`", format!("{:.1} µm", 1e6 * smallest(1e-6, 60e-6, |p, v| p.limits.sensor.jump = v)));
-    let full_scale_v = Converters::STM32F4_ON_CHIP.monitor_v * DIVIDER;
-    states("full scale of command, monitor and sensor", format!("{full_scale_v:.2} V"));
-    let monitor = parameters().limits.monitor;
-    let largest_v = (1000.0 * full_scale_v - monitor.band_v) / (1.0 + monitor.band_share);
-    states("largest `max_voltage_v` at 1000 V per volt", format!("{} V", largest_v.floor()));
-    let mut largest = parameters();
-    for (max_voltage_v, kept) in [(largest_v - 1.0, true), (largest_v + 1.0, false)] {
-        largest.limits.max_voltage_v = max_voltage_v;
-        largest.limits.max_field_v_per_m = 1e8;
-        assert_eq!(largest.encode(BOARD, &mut [0; BLOB_LEN]).is_ok(), kept, "{max_voltage_v} V");
+    for (column, board, supply_v, [low_v, high_v]) in
+        [(3, BOARD, 3.0, Converters::STM32F4_SUPPLY_V), (4, boards::NUCLEO_G474RE, 3.3, Converters::STM32G4_SUPPLY_V)]
+    {
+        let page = include_str!("../../../../docs/boards.md");
+        let states = |row: &str, value: String| {
+            let line = page.lines().find(|line| line.starts_with(&format!("| {row} |")));
+            let line = line.unwrap_or_else(|| panic!("no row {row}"));
+            let cell = line.split('|').nth(column).expect("a cell").trim();
+            assert!(cell.starts_with(&value), "{row}: {cell}, computed {value}");
+        };
+        let smallest = |low, high, set: fn(&mut Parameters, f32)| smallest(board, low, high, set);
+        let code = supply_v / 4096.0 * DIVIDER;
+        states("step of the voltage", format!("{:.1} V", 1000.0 * code));
+        states("step of the sensor", format!("{:.1} µm", 1e3 * code));
+        let band_v = smallest(1.0, 60.0, |p, v| p.limits.monitor.band_v = v);
+        states("smallest `monitor.band_v`", format!("{band_v:.1} V"));
+        let band_m = smallest(1e-6, 60e-6, |p, v| p.limits.sensor.stuck_band = v);
+        states("smallest `sensor.stuck_band`", format!("{:.1} µm", 1e6 * band_m));
+        let jump_m = smallest(1e-6, 60e-6, |p, v| p.limits.sensor.jump = v);
+        states("smallest `sensor.jump`", format!("{:.1} µm", 1e6 * jump_m));
+        let full_scale_v = Converters::of_board(board).monitor_v * DIVIDER;
+        states("full scale of command, monitor and sensor", format!("{full_scale_v:.2} V"));
+        let monitor = parameters().limits.monitor;
+        let largest_v = (1000.0 * full_scale_v - monitor.band_v) / (1.0 + monitor.band_share);
+        states("largest `max_voltage_v` at 1000 V per volt", format!("{} V", largest_v.floor()));
+        let mut largest = parameters();
+        for (max_voltage_v, kept) in [(largest_v - 1.0, true), (largest_v + 1.0, false)] {
+            largest.limits.max_voltage_v = max_voltage_v;
+            largest.limits.max_field_v_per_m = 1e8;
+            assert_eq!(largest.encode(board, &mut [0; BLOB_LEN]).is_ok(), kept, "{max_voltage_v} V");
+        }
+        states("voltage beyond `max_voltage_v` that is not noticed, chip in order", "1 %".into());
+        states(
+            "the same with a reference that was off when it was switched on",
+            format!("{:.0} %", 100.0 * (high_v / low_v - 1.0)),
+        );
     }
-    states("voltage beyond `max_voltage_v` that is not noticed, chip in order", "1 %".into());
-    states(
-        "the same with a reference that was off when it was switched on",
-        format!("{:.0} %", 100.0 * (high_v / low_v - 1.0)),
-    );
 }

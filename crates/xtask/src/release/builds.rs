@@ -154,8 +154,12 @@ pub fn wheels(source: &Source, out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Programs of the firmware, and their boards.
-const BOARDS: [(&str, &str); 2] = [("firmware", "stm32f405"), ("stm32f407-discovery", "stm32f407-discovery")];
+/// Programs of the firmware, their boards, and the families of their chips.
+const BOARDS: [(&str, &str, &str); 3] = [
+    ("firmware", "stm32f405", "stm32f4"),
+    ("stm32f407-discovery", "stm32f407-discovery", "stm32f4"),
+    ("nucleo-g474re", "nucleo-g474re", "stm32g4"),
+];
 
 /// Builds the firmware for each board, and returns the images with the names of the boards.
 pub fn firmware(source: &Source) -> Result<Vec<(PathBuf, &'static str)>> {
@@ -163,16 +167,17 @@ pub fn firmware(source: &Source) -> Result<Vec<(PathBuf, &'static str)>> {
     let toolchain = setup::toolchain(&[target])?;
     source.enclose("firmware")?;
     let flags: Vec<String> = source.remap().iter().map(|flag| format!("'{flag}'")).collect();
-    let programs = BOARDS.map(|(program, _)| format!("--bin {program}")).join(" ");
-    let line = format!("build --release --locked {programs} --no-default-features");
-    let mut build = toolchain.cargo(&source.root.join("firmware"), target, &line);
-    build
-        .arg("--config")
-        .arg(format!("target.{target}.rustflags=[{}]", flags.join(", ")))
-        .env("CARGO_TARGET_DIR", source.target());
-    run_command(build)?;
+    for (program, _, family) in BOARDS {
+        let line = format!("build --release --locked --bin {program} --no-default-features --features {family}");
+        let mut build = toolchain.cargo(&source.root.join("firmware"), target, &line);
+        build
+            .arg("--config")
+            .arg(format!("target.{target}.rustflags=[{}]", flags.join(", ")))
+            .env("CARGO_TARGET_DIR", source.target());
+        run_command(build)?;
+    }
     let folder = source.target().join(target).join("release");
-    Ok(BOARDS.map(|(program, board)| (folder.join(program), board)).to_vec())
+    Ok(BOARDS.map(|(program, board, _)| (folder.join(program), board)).to_vec())
 }
 
 /// The Windows executable alone, of the sources as they are.

@@ -1,23 +1,20 @@
-//! Frequencies that follow from the registers, RM0090 section 7.2, and their limits.
+//! Frequencies that follow from the registers, RM0090 section 7.2, RM0440 section 7.2, and their limits.
 
+use crate::chip::family::Layout;
 use crate::chip::violation::Violation;
 
-/// Clock source of the core, as in SW.
+/// Clock source of the core, in the order of SW.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    Internal = 0b00,
-    Crystal = 0b01,
-    Loop = 0b10,
+    Internal,
+    Crystal,
+    Loop,
 }
 
 impl Source {
-    pub fn from_bits(cfgr: u32) -> Option<Self> {
-        match cfgr & 0b11 {
-            0b00 => Some(Self::Internal),
-            0b01 => Some(Self::Crystal),
-            0b10 => Some(Self::Loop),
-            _ => None,
-        }
+    /// The source by SW, where the internal oscillator has the code `internal`.
+    pub fn from_bits(cfgr: u32, internal: u32) -> Option<Self> {
+        [Self::Internal, Self::Crystal, Self::Loop].into_iter().find(|&source| source as u32 + internal == cfgr & 0b11)
     }
 }
 
@@ -30,12 +27,13 @@ pub struct Pll {
 }
 
 impl Pll {
-    /// Values outside their limits: RM0090 section 7.3.2, PLLM and PLLN.
-    pub fn violations(&self) -> impl Iterator<Item = Violation> {
+    /// Values outside their limits.
+    pub fn violations(&self, layout: &Layout) -> impl Iterator<Item = Violation> + use<> {
+        let within = |[low, high]: [u32; 2], hz| (low..=high).contains(&hz);
         let input = Violation::LoopInput { hz: self.input_hz };
         let oscillator = Violation::LoopOscillator { hz: self.vco_hz };
-        let input = (!(1_000_000..=2_000_000).contains(&self.input_hz)).then_some(input);
-        let oscillator = (!(100_000_000..=432_000_000).contains(&self.vco_hz)).then_some(oscillator);
+        let input = (!within(layout.loop_input, self.input_hz)).then_some(input);
+        let oscillator = (!within(layout.loop_oscillator, self.vco_hz)).then_some(oscillator);
         input.into_iter().chain(oscillator)
     }
 }
@@ -60,14 +58,14 @@ impl Clocks {
         Pll { input_hz: (u64::from(source_hz) / m) as u32, vco_hz, output_hz: vco_hz / p }
     }
 
-    pub fn new(pll: Option<Pll>, sysclk_hz: u32, cfgr: u32) -> Self {
+    pub fn new(pll: Option<Pll>, sysclk_hz: u32, cfgr: u32, layout: &Layout) -> Self {
         let hclk_hz = match cfgr >> 4 & 0xf {
             divides @ 8..12 => sysclk_hz >> (divides - 7),
             divides @ 12.. => sysclk_hz >> (divides - 6),
             _ => sysclk_hz,
         };
         let shift = |ppre: u32| if ppre & 0b100 == 0 { 0 } else { (ppre & 0b011) + 1 };
-        let (ppre1, ppre2) = (shift(cfgr >> 10 & 0b111), shift(cfgr >> 13 & 0b111));
+        let [ppre1, ppre2] = layout.ppre.map(|place| shift(cfgr >> place & 0b111));
         let pclk1_hz = hclk_hz >> ppre1;
         Self {
             pll,
@@ -79,19 +77,17 @@ impl Clocks {
         }
     }
 
-    /// Values outside their limits with these wait states of the flash, and with the regulator at its upper scale or not: RM0090
-    /// sections 3.5.1 (2.7 to 3.6 V) and 5.1.4, data sheet table of general operating conditions.
-    pub fn violations(&self, wait_states: u32, upper_scale: bool) -> Vec<Violation> {
-        let mut found: Vec<_> = self.pll.iter().flat_map(Pll::violations).collect();
-        let core_limit_hz = if upper_scale { 168_000_000 } else { 144_000_000 };
+    /// Values outside their limits with these wait states of the flash, and with the regulator for the highest clock or not.
+    pub fn violations(&self, wait_states: u32, upper_scale: bool, layout: &Layout) -> Vec<Violation> {
+        let mut found: Vec<_> = self.pll.iter().flat_map(|pll| pll.violations(layout)).collect();
         let buses = [
-            ("AHB", self.hclk_hz, core_limit_hz),
-            ("APB1", self.pclk1_hz, 42_000_000),
-            ("APB2", self.pclk2_hz, 84_000_000),
+            ("AHB", self.hclk_hz, layout.core[usize::from(!upper_scale)]),
+            ("APB1", self.pclk1_hz, layout.buses[0]),
+            ("APB2", self.pclk2_hz, layout.buses[1]),
         ];
         let fast = buses.into_iter().filter(|&(_, hz, limit_hz)| hz > limit_hz);
         found.extend(fast.map(|(bus, hz, _)| Violation::BusClock { bus, hz }));
-        let needed = self.hclk_hz.saturating_sub(1) / 30_000_000;
+        let needed = self.hclk_hz.saturating_sub(1) / layout.wait_state;
         if wait_states < needed {
             found.push(Violation::WaitStates { set: wait_states, needed });
         }

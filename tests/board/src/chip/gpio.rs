@@ -1,5 +1,6 @@
-//! A port of pins, RM0090 section 8.
+//! A port of pins, RM0090 section 8, RM0440 section 9.
 
+use crate::chip::family::Family;
 pub use crate::chip::pin::Pin;
 use crate::chip::registers::{Peripheral, Registers};
 use crate::chip::time::Picoseconds;
@@ -66,6 +67,7 @@ const AFRL: u32 = 0x20;
 /// A port's registers and what is connected to its pins.
 #[derive(Clone)]
 pub struct Port {
+    family: Family,
     name: char,
     registers: Registers,
     /// Levels from outside.
@@ -74,14 +76,18 @@ pub struct Port {
 
 impl Port {
     /// A port after a reset: the debug pins of A and B are set for the probe.
-    pub fn new(name: char) -> Self {
-        let (moder, ospeedr, pupdr) = match name {
-            'A' => (0xa800_0000, 0x0c00_0000, 0x6400_0000),
-            'B' => (0x0000_0280, 0x0000_00c0, 0x0000_0100),
-            _ => (0, 0, 0),
+    pub fn new(family: Family, name: char) -> Self {
+        let (moder, ospeedr, pupdr) = match (family, name) {
+            (Family::F4, 'A') => (0xa800_0000, 0x0c00_0000, 0x6400_0000),
+            (Family::F4, 'B') => (0x0000_0280, 0x0000_00c0, 0x0000_0100),
+            (Family::F4, _) => (0, 0, 0),
+            // The others are analog.
+            (Family::G4, 'A') => (0xabff_ffff, 0x0c00_0000, 0x6400_0000),
+            (Family::G4, 'B') => (0xffff_febf, 0x0000_00c0, 0x0000_0100),
+            (Family::G4, _) => (0xffff_ffff, 0, 0),
         };
         let registers = Registers::new(&[(MODER, moder), (OSPEEDR, ospeedr), (PUPDR, pupdr)]);
-        Self { name, registers, outside: [None; PINS] }
+        Self { family, name, registers, outside: [None; PINS] }
     }
 
     pub fn pad(&self, number: usize) -> Pad {
@@ -142,6 +148,6 @@ impl Peripheral for Port {
 
     /// As after a reset; what is connected stays.
     fn reset(&mut self) {
-        *self = Self { outside: self.outside, ..Self::new(self.name) };
+        *self = Self { outside: self.outside, ..Self::new(self.family, self.name) };
     }
 }

@@ -1,10 +1,12 @@
 //! The chip: its blocks at their addresses, its time, and what is wired to it.
 //!
-//! The models follow the reference manual (RM0090) and the data sheet of the STM32F405 and STM32F407, not the firmware. They know what the firmware's
+//! The models follow the reference manuals (RM0090, RM0440) and the data sheets of the STM32F405, STM32F407 and STM32G474, not the firmware. They know what the firmware's
 //! modules for hardware use, and report what they do not know.
 
 pub mod analog;
 pub mod clocks;
+pub mod family;
+pub mod flash;
 pub mod gpio;
 pub mod lines;
 pub mod memory;
@@ -17,10 +19,13 @@ mod time;
 mod timer;
 pub mod usart;
 pub mod violation;
+pub mod watchdog;
 
 use crate::wires::{Watch, Wired};
 use analog::{Adc, Common, Dac, Surroundings};
 use clocks::Clocks;
+use family::Family;
+use flash::Flash;
 use gpio::{Mode, PINS, Pin, Port};
 use lines::Change;
 use memory::Memory;
@@ -31,6 +36,7 @@ use time::{NANOSECOND, Picoseconds};
 use timer::Timer;
 use usart::Usart;
 use violation::Violation;
+use watchdog::Watchdog;
 
 /// Ports of pins, from A to I.
 const PORTS: usize = 9;
@@ -45,6 +51,7 @@ pub enum Block {
     /// 1 or 2.
     Spi(u8),
     Usart2,
+    Watchdog,
     Dac,
     /// 1 to 3, and what they share.
     Adc(u8),
@@ -58,12 +65,42 @@ pub enum Block {
 
 impl Block {
     /// The block at an address, and where in it.
-    fn at(address: u32) -> Option<(Self, u32)> {
-        let (block, start) = match address {
-            0x4000_0c00..0x4000_1000 => (Self::Tim5, 0x4000_0c00),
+    fn at(family: Family, address: u32) -> Option<(Self, u32)> {
+        let common = match address {
+            0x4000_0c00..0x4000_1000 => Some((Self::Tim5, 0x4000_0c00)),
+            0x4000_3000..0x4000_3400 => Some((Self::Watchdog, 0x4000_3000)),
+            0x4000_4400..0x4000_4800 => Some((Self::Usart2, 0x4000_4400)),
+            0x4000_7000..0x4000_7400 => Some((Self::Power, 0x4000_7000)),
+            _ => None,
+        };
+        let (block, start) = common.or_else(|| match family {
+            Family::F4 => Self::at_f4(address),
+            Family::G4 => Self::at_g4(address),
+        })?;
+        Some((block, address - start))
+    }
+
+    /// The block at an address of an STM32G4, and its first address.
+    fn at_g4(address: u32) -> Option<(Self, u32)> {
+        Some(match address {
+            0x4002_1000..0x4002_1400 => (Self::Rcc, 0x4002_1000),
+            0x4002_2000..0x4002_2400 => (Self::Flash, 0x4002_2000),
+            0x4800_0000..0x4800_1c00 => {
+                let port = (address >> 10 & 0xf) as u8;
+                (Self::Port(port), 0x4800_0000 + (u32::from(port) << 10))
+            }
+            0x5000_0000..0x5000_0100 => (Self::Adc(1), 0x5000_0000),
+            0x5000_0100..0x5000_0200 => (Self::Adc(2), 0x5000_0100),
+            0x5000_0300..0x5000_0400 => (Self::AdcCommon, 0x5000_0300),
+            0x5000_0800..0x5000_0c00 => (Self::Dac, 0x5000_0800),
+            _ => return None,
+        })
+    }
+
+    /// The same of an STM32F4.
+    fn at_f4(address: u32) -> Option<(Self, u32)> {
+        Some(match address {
             0x4000_3800..0x4000_3c00 => (Self::Spi(2), 0x4000_3800),
-            0x4000_4400..0x4000_4800 => (Self::Usart2, 0x4000_4400),
-            0x4000_7000..0x4000_7400 => (Self::Power, 0x4000_7000),
             0x4000_7400..0x4000_7800 => (Self::Dac, 0x4000_7400),
             0x4001_2000..0x4001_2300 => {
                 let index = (address >> 8 & 0b11) as u8;
@@ -78,31 +115,37 @@ impl Block {
             0x4002_3800..0x4002_3c00 => (Self::Rcc, 0x4002_3800),
             0x4002_3c00..0x4002_4000 => (Self::Flash, 0x4002_3c00),
             _ => return None,
-        };
-        Some((block, address - start))
+        })
     }
 
     /// Register bits that switch its clock and reset it.
-    pub fn gate(self) -> Option<Gate> {
-        Some(match self {
-            Self::Tim5 => Gate::apb1(3),
-            Self::Spi(1) => Gate::apb2(12),
-            Self::Spi(_) => Gate::apb1(14),
-            Self::Usart2 => Gate::apb1(17),
-            Self::Dac => Gate::apb1(29),
+    pub fn gate(self, family: Family) -> Option<Gate> {
+        let [ahb, apb1, apb2] = match family {
+            Family::F4 => [[0x30, 0x10], [0x40, 0x20], [0x44, 0x24]],
+            Family::G4 => [[0x4c, 0x2c], [0x58, 0x38], [0x60, 0x40]],
+        }
+        .map(|[enable, reset]| move |bit| Gate::new(enable, reset, bit));
+        Some(match (self, family) {
+            (Self::Tim5, _) => apb1(3),
+            (Self::Usart2, _) => apb1(17),
+            (Self::Power, _) => apb1(28),
+            (Self::Port(port), _) => ahb(port.into()),
+            (Self::Spi(1), _) => apb2(12),
+            (Self::Spi(_), _) => apb1(14),
+            (Self::Dac, Family::F4) => apb1(29),
             // One bit resets all three.
-            Self::Adc(number) => Gate::apb2(7 + u32::from(number)).reset_by(8),
-            Self::AdcCommon => Gate::apb2(8),
-            Self::Power => Gate::apb1(28),
-            Self::Port(port) => Gate::ahb1(port.into()),
-            Self::Rcc | Self::Flash => return None,
+            (Self::Adc(number), Family::F4) => apb2(7 + u32::from(number)).reset_by(8),
+            (Self::AdcCommon, Family::F4) => apb2(8),
+            (Self::Dac, Family::G4) => ahb(16),
+            (Self::Adc(_) | Self::AdcCommon, Family::G4) => ahb(13),
+            (Self::Rcc | Self::Flash | Self::Watchdog, _) => return None,
         })
     }
 
     /// The clock of its bus, Hz.
     fn bus_hz(self, clocks: &Clocks) -> u32 {
         match self {
-            Self::Tim5 | Self::Spi(2) | Self::Usart2 | Self::Dac | Self::Power => clocks.pclk1_hz,
+            Self::Watchdog | Self::Tim5 | Self::Spi(2) | Self::Usart2 | Self::Dac | Self::Power => clocks.pclk1_hz,
             Self::Spi(_) | Self::Adc(_) | Self::AdcCommon => clocks.pclk2_hz,
             Self::Rcc | Self::Flash | Self::Port(_) => clocks.hclk_hz,
         }
@@ -111,8 +154,12 @@ impl Block {
 
 /// The chip and what is wired to it.
 pub struct Chip {
+    family: Family,
     pub rcc: Rcc,
+    /// The flash interface of an STM32F4, and that of an STM32G4.
     pub flash: Memory,
+    pub flash_g4: Flash,
+    pub watchdog: Watchdog,
     power: Memory,
     ports: [Port; PORTS],
     spi: [Spi; 2],
@@ -135,20 +182,23 @@ pub struct Chip {
 
 impl Chip {
     /// A chip after power-up.
-    pub fn new(oscillators: Oscillators) -> Self {
-        let port = |index: usize| Port::new((b'A' + index as u8) as char);
+    pub fn new(family: Family, oscillators: Oscillators) -> Self {
+        let port = |index: usize| Port::new(family, (b'A' + index as u8) as char);
         Self {
-            rcc: Rcc::new(oscillators),
+            family,
+            rcc: Rcc::new(family, oscillators),
             flash: Memory::flash(),
-            power: Memory::power(),
+            flash_g4: Flash::default(),
+            watchdog: Watchdog::default(),
+            power: Memory::power(family),
             ports: std::array::from_fn(port),
             spi: [1, 2].map(Spi::new),
-            timer: Timer::default(),
-            usart2: Usart::default(),
-            dac: Dac::default(),
-            adcs: [1, 2, 3].map(Adc::new),
-            common: Common::default(),
-            around: Surroundings::default(),
+            timer: Timer::new(family),
+            usart2: Usart::new(family),
+            dac: Dac::new(family),
+            adcs: [1, 2, 3].map(|number| Adc::new(family, number)),
+            common: Common::new(family),
+            around: Surroundings::new(family),
             wired: Vec::new(),
             watches: Vec::new(),
             driven: [[None; PINS]; PORTS],
@@ -207,7 +257,9 @@ impl Chip {
 
     /// A reset of the chip by any of its causes: every block is as after power-up, and what is connected stays.
     pub fn reset(&mut self) {
-        self.blocks().chain([Block::Rcc, Block::Flash]).for_each(|block| self.peripheral(block).reset());
+        self.blocks()
+            .chain([Block::Rcc, Block::Flash, Block::Watchdog])
+            .for_each(|block| self.peripheral(block).reset());
         self.advance();
         self.move_lines();
     }
@@ -224,8 +276,11 @@ impl Chip {
 
     /// The firmware reads a word.
     pub fn read(&mut self, address: u32) -> u32 {
-        if address & !3 == analog::FACTORY_WORD {
+        if address & !3 == analog::factory_word(self.family) {
             return self.around.factory_word();
+        }
+        if is_page(address) {
+            return self.flash_g4.word(address & !3);
         }
         let (word, bit) = word_of(address);
         let Some((block, offset)) = self.access(word) else { return 0 };
@@ -240,12 +295,18 @@ impl Chip {
     pub fn peek(&mut self, address: u32) -> u32 {
         let (word, bit) = word_of(address);
         let now = self.now;
-        let value = Block::at(word).map_or(0, |(block, offset)| self.peripheral(block).value(offset, now));
+        let value = Block::at(self.family, word).map_or(0, |(block, offset)| self.peripheral(block).value(offset, now));
         bit.map_or(value, |bit| value >> bit & 1)
     }
 
     /// The firmware writes a word.
     pub fn write(&mut self, address: u32, value: u32) {
+        if is_page(address) {
+            if let Some(violation) = self.flash_g4.program(address, value, self.now) {
+                self.note(violation);
+            }
+            return;
+        }
         let (word, bit) = word_of(address);
         let Some((block, offset)) = self.access(word) else { return };
         let value = bit.map_or(value, |bit| self.peek(word) & !(1 << bit) | (value & 1) << bit);
@@ -271,7 +332,7 @@ impl Chip {
     /// Lets the time of an access pass. None: there is nothing to access.
     fn access(&mut self, word: u32) -> Option<(Block, u32)> {
         let clocks = self.clocks();
-        let found = Block::at(word);
+        let found = Block::at(self.family, word);
         let bus_hz = found.map_or(clocks.hclk_hz, |(block, _)| block.bus_hz(&clocks));
         self.now += time::of_access(clocks.hclk_hz, bus_hz);
         self.advance();
@@ -291,11 +352,13 @@ impl Chip {
             Block::Tim5 => &mut self.timer,
             Block::Spi(number) => &mut self.spi[usize::from(number) - 1],
             Block::Usart2 => &mut self.usart2,
+            Block::Watchdog => &mut self.watchdog,
             Block::Dac => &mut self.dac,
             Block::Adc(number) => &mut self.adcs[usize::from(number) - 1],
             Block::AdcCommon => &mut self.common,
             Block::Power => &mut self.power,
             Block::Rcc => &mut self.rcc,
+            Block::Flash if self.family == Family::G4 => &mut self.flash_g4,
             Block::Flash => &mut self.flash,
             Block::Port(port) => &mut self.ports[usize::from(port)],
         }
@@ -305,7 +368,11 @@ impl Chip {
     fn advance(&mut self) {
         self.rcc.advance(self.now);
         let clocks = self.clocks();
-        let broken = clocks.violations(self.flash.wait_states(), self.power.upper_scale());
+        let wait_states = match self.family {
+            Family::F4 => self.flash.wait_states(),
+            Family::G4 => self.flash_g4.wait_states(),
+        };
+        let broken = clocks.violations(wait_states, self.power.upper_scale(self.family), self.family.layout());
         broken.into_iter().for_each(|violation| self.note(violation));
         let timer_hz = self.rcc.enables(Block::Tim5).then_some(clocks.timers1_hz);
         self.timer.advance(self.now, timer_hz, self.rcc.slow(self.now));
@@ -313,7 +380,7 @@ impl Chip {
         for number in [1, 2] {
             self.advance_spi(number, Block::Spi(number).bus_hz(&clocks));
         }
-        self.advance_adcs(self.common.clock_hz(clocks.pclk2_hz));
+        self.advance_adcs(self.common.clock_hz(Block::AdcCommon.bus_hz(&clocks)));
     }
 
     fn advance_adcs(&mut self, clock_hz: u32) {
@@ -323,20 +390,19 @@ impl Chip {
                 self.note(violation);
             }
             if let Some(channel) = self.adcs[index].ended(now) {
-                // The data sheet's limit from 2.4 V on.
-                if clock_hz > 36_000_000 {
+                if clock_hz > self.family.layout().adcs {
                     self.note(Violation::ConverterClock { hz: clock_hz });
                 }
-                let volts = self.channel_volts(channel);
-                self.adcs[index].convert(volts, &mut self.around);
+                let volts = self.channel_volts(index as u8 + 1, channel);
+                self.adcs[index].convert(volts, &mut self.around, now);
             }
         }
     }
 
     /// The voltage at a channel of the ADCs.
-    fn channel_volts(&mut self, channel: u32) -> f64 {
-        let Some(pin) = analog::pin_of(channel) else {
-            return if channel == analog::REFERENCE { self.around.reference_v } else { 0.0 };
+    fn channel_volts(&mut self, adc: u8, channel: u32) -> f64 {
+        let Some(pin) = analog::pin_of(self.family, adc, channel) else {
+            return if channel == analog::reference(self.family) { self.around.reference_v } else { 0.0 };
         };
         if self.pad(pin).mode != Mode::Analog {
             self.note(Violation::NotAnalog { pin });
@@ -377,4 +443,9 @@ fn word_of(address: u32) -> (u32, Option<u32>) {
     }
     let bit = (address - BITS) / 4;
     (PERIPHERALS + bit / 32 * 4, Some(bit % 32))
+}
+
+/// Whether an address is in the pages of the parameters.
+fn is_page(address: u32) -> bool {
+    (flash::START..flash::START + flash::LENGTH).contains(&address)
 }

@@ -1,42 +1,29 @@
-//! Reset and clock control, RM0090 section 7: oscillators that take their time, the loop, the switch, flags and resets.
+//! Reset and clock control, RM0090 section 7, RM0440 section 7: oscillators that take their time, the loop, the switch, flags and resets.
 
 use crate::chip::Block;
 use crate::chip::clocks::{Clocks, Source};
+use crate::chip::family::{Family, Layout};
 use crate::chip::registers::{Peripheral, Registers};
 use crate::chip::time::{MICROSECOND, Picoseconds};
 use crate::chip::violation::Violation;
 
 const CR: u32 = 0x00;
-const PLLCFGR: u32 = 0x04;
 const CFGR: u32 = 0x08;
-const AHB1RSTR: u32 = 0x10;
-const APB1RSTR: u32 = 0x20;
-const APB2RSTR: u32 = 0x24;
-const AHB1ENR: u32 = 0x30;
-const APB1ENR: u32 = 0x40;
-const APB2ENR: u32 = 0x44;
-const CSR: u32 = 0x74;
 
 /// Bits of CR.
-pub const HSION: u32 = 1 << 0;
-const HSIRDY: u32 = 1 << 1;
 pub const HSEON: u32 = 1 << 16;
 const HSERDY: u32 = 1 << 17;
 pub const CSSON: u32 = 1 << 19;
 pub const PLLON: u32 = 1 << 24;
 const PLLRDY: u32 = 1 << 25;
-const PLLI2SRDY: u32 = 1 << 27;
-const CR_READ_ONLY: u32 = HSIRDY | HSERDY | PLLRDY | PLLI2SRDY | 0xff00;
-/// PLLSRC in PLLCFGR.
-const FROM_CRYSTAL: u32 = 1 << 22;
 /// SWS in CFGR.
 const SWS: u32 = 0b11 << 2;
 /// Bits of CSR.
 const LSION: u32 = 1 << 0;
 const LSIRDY: u32 = 1 << 1;
-const RMVF: u32 = 1 << 24;
 
-/// Flags of the last reset, in CSR.
+/// Flags of the last reset, in CSR of an STM32F4. An STM32G4 has one flag for power-up and brown-out, in the place of power-up, and that of the
+/// option bytes in the place of the brown-out.
 pub mod reset_flag {
     pub const BROWN_OUT: u32 = 1 << 25;
     pub const PIN: u32 = 1 << 26;
@@ -82,6 +69,7 @@ impl Default for Oscillators {
 }
 
 pub struct Rcc {
+    family: Family,
     registers: Registers,
     pub oscillators: Oscillators,
     /// When they are ready, if they are on.
@@ -92,40 +80,41 @@ pub struct Rcc {
 }
 
 impl Rcc {
-    pub fn new(oscillators: Oscillators) -> Self {
-        let registers = Registers::new(&[
-            (CR, 0x0000_0083),
-            (PLLCFGR, 0x2400_3010),
-            (AHB1ENR, 0x0010_0000),
-            (0x50, 0x7e67_91ff),
-            (0x54, 0x0000_00f1),
-            (0x58, 0x0000_0001),
-            (0x60, 0x36fe_c9ff),
-            (0x64, 0x0007_5f33),
-            (CSR, reset_flag::POWER | reset_flag::PIN | reset_flag::BROWN_OUT),
-            (0x84, 0x2000_3000),
-        ]);
-        Self { registers, oscillators, crystal_at: 0, loop_at: 0, slow_at: 0, source: Source::Internal }
+    pub fn new(family: Family, oscillators: Oscillators) -> Self {
+        let registers = Registers::new(family.layout().reset_values);
+        Self { family, registers, oscillators, crystal_at: 0, loop_at: 0, slow_at: 0, source: Source::Internal }
+    }
+
+    fn layout(&self) -> &'static Layout {
+        self.family.layout()
+    }
+
+    fn is_from_crystal(&self) -> bool {
+        let [mask, crystal] = self.layout().source;
+        self.registers[self.layout().pllcfgr] & mask == crystal
     }
 
     /// Sets the flags of the last reset.
     pub fn set_reset_flags(&mut self, flags: u32) {
-        let csr = &mut self.registers[CSR];
+        let csr = &mut self.registers[self.family.layout().csr];
         *csr = *csr & !reset_flag::ALL | flags & reset_flag::ALL;
     }
 
     pub fn reset_flags(&self) -> u32 {
-        self.registers[CSR] & reset_flag::ALL
+        self.registers[self.layout().csr] & reset_flag::ALL
     }
 
     pub fn cr(&self) -> u32 {
         self.registers[CR]
     }
 
-    /// M, N and P of the loop.
+    /// M and N of the loop, and its divider for the core.
     pub fn loop_factors(&self) -> (u32, u32, u32) {
-        let pllcfgr = self.registers[PLLCFGR];
-        (pllcfgr & 0x3f, pllcfgr >> 6 & 0x1ff, ((pllcfgr >> 16 & 0b11) + 1) * 2)
+        let pllcfgr = self.registers[self.layout().pllcfgr];
+        match self.family {
+            Family::F4 => (pllcfgr & 0x3f, pllcfgr >> 6 & 0x1ff, ((pllcfgr >> 16 & 0b11) + 1) * 2),
+            Family::G4 => ((pllcfgr >> 4 & 0xf) + 1, pllcfgr >> 8 & 0x7f, ((pllcfgr >> 25 & 0b11) + 1) * 2),
+        }
     }
 
     /// Clock source of the core.
@@ -137,10 +126,10 @@ impl Rcc {
     pub fn clocks(&self) -> Clocks {
         let (m, n, p) = self.loop_factors();
         let on = self.cr() & PLLON != 0;
-        let input = if self.registers[PLLCFGR] & FROM_CRYSTAL == 0 {
-            Some(self.oscillators.internal_hz)
-        } else {
+        let input = if self.is_from_crystal() {
             self.oscillators.crystal_hz.filter(|_| self.cr() & HSEON != 0)
+        } else {
+            Some(self.oscillators.internal_hz)
         };
         let pll = on.then(|| Clocks::pll(input.unwrap_or(0), m, n, p));
         let sysclk_hz = match self.source {
@@ -148,12 +137,12 @@ impl Rcc {
             Source::Crystal => self.oscillators.crystal_hz.unwrap_or(0),
             Source::Loop => pll.map_or(0, |pll| pll.output_hz),
         };
-        Clocks::new(pll, sysclk_hz, self.registers[CFGR])
+        Clocks::new(pll, sysclk_hz, self.registers[CFGR], self.layout())
     }
 
     /// The slow oscillator, Hz, and since when it runs.
     pub fn slow(&self, now: Picoseconds) -> Option<(u32, Picoseconds)> {
-        let runs = self.registers[CSR] & LSION != 0 && now >= self.slow_at;
+        let runs = self.registers[self.layout().csr] & LSION != 0 && now >= self.slow_at;
         self.oscillators.slow_hz.filter(|_| runs).map(|hz| (hz, self.slow_at))
     }
 
@@ -165,41 +154,44 @@ impl Rcc {
 
     /// Whether the block's clock is on.
     pub fn enables(&self, block: Block) -> bool {
-        block.gate().is_none_or(|gate| self.registers[gate.enable] & 1 << gate.bit != 0)
+        block.gate(self.family).is_none_or(|gate| self.registers[gate.enable] & 1 << gate.bit != 0)
     }
 
     /// Whether the block is held in reset.
     pub fn resets(&self, block: Block) -> bool {
-        block.gate().is_some_and(|gate| self.registers[gate.reset] & 1 << gate.reset_bit != 0)
+        block.gate(self.family).is_some_and(|gate| self.registers[gate.reset] & 1 << gate.reset_bit != 0)
     }
 
     /// Sets the ready bits of what is ready, and switches to a source that has become ready.
     pub fn advance(&mut self, now: Picoseconds) {
         let Oscillators { crystal_hz, slow_hz, pll, .. } = self.oscillators;
-        let mut cr = self.registers[CR] & !(HSIRDY | HSERDY | PLLRDY);
-        if cr & HSION != 0 {
-            cr |= HSIRDY;
+        let &Layout { hsion, hsirdy, csr, internal, .. } = self.layout();
+        let mut cr = self.registers[CR] & !(hsirdy | HSERDY | PLLRDY);
+        if cr & hsion != 0 {
+            cr |= hsirdy;
         }
         if cr & HSEON != 0 && crystal_hz.is_some() && now >= self.crystal_at {
             cr |= HSERDY;
         }
         let locks = match pll {
             Loop::Locks => true,
-            Loop::LocksWithinLimits => self.clocks().pll.is_some_and(|pll| pll.violations().next().is_none()),
+            Loop::LocksWithinLimits => {
+                self.clocks().pll.is_some_and(|pll| pll.violations(self.layout()).next().is_none())
+            }
             Loop::Dead => false,
         };
-        let has_input = self.registers[PLLCFGR] & FROM_CRYSTAL == 0 || cr & HSERDY != 0;
+        let has_input = !self.is_from_crystal() || cr & HSERDY != 0;
         if cr & PLLON != 0 && locks && has_input && now >= self.loop_at {
             cr |= PLLRDY;
         }
         self.registers[CR] = cr;
-        let slow = self.registers[CSR] & LSION != 0 && slow_hz.is_some() && now >= self.slow_at;
-        let csr = &mut self.registers[CSR];
+        let slow = self.registers[csr] & LSION != 0 && slow_hz.is_some() && now >= self.slow_at;
+        let csr = &mut self.registers[csr];
         *csr = *csr & !LSIRDY | if slow { LSIRDY } else { 0 };
 
-        let wanted = Source::from_bits(self.registers[CFGR]);
+        let wanted = Source::from_bits(self.registers[CFGR], internal);
         let ready = match wanted {
-            Some(Source::Internal) => HSIRDY,
+            Some(Source::Internal) => hsirdy,
             Some(Source::Crystal) => HSERDY,
             Some(Source::Loop) => PLLRDY,
             None => 0,
@@ -209,20 +201,21 @@ impl Rcc {
         {
             self.source = wanted;
         }
-        let sws = (self.source as u32) << 2;
+        let sws = (self.source as u32 + internal) << 2;
         let cfgr = &mut self.registers[CFGR];
         *cfgr = *cfgr & !SWS | sws;
     }
 
     fn write_cr(&mut self, value: u32, now: Picoseconds) -> Option<Violation> {
         let before = self.cr();
-        let mut value = value & !CR_READ_ONLY | before & CR_READ_ONLY;
-        let from_crystal = self.registers[PLLCFGR] & FROM_CRYSTAL != 0;
+        let &Layout { hsion, cr_read_only, .. } = self.layout();
+        let mut value = value & !cr_read_only | before & cr_read_only;
+        let from_crystal = self.is_from_crystal();
         // What the core runs on cannot be switched off.
         value |= match self.source {
-            Source::Internal => HSION,
+            Source::Internal => hsion,
             Source::Crystal => HSEON,
-            Source::Loop => PLLON | if from_crystal { HSEON } else { HSION },
+            Source::Loop => PLLON | if from_crystal { HSEON } else { hsion },
         };
         // The security system stays on once it is.
         value |= before & CSSON;
@@ -244,17 +237,18 @@ impl Peripheral for Rcc {
     }
 
     fn write(&mut self, offset: u32, value: u32, now: Picoseconds) -> Option<Violation> {
+        let &Layout { pllcfgr, csr, rmvf, .. } = self.layout();
         match offset {
             CR => return self.write_cr(value, now),
-            PLLCFGR if self.cr() & PLLON != 0 => return Some(Violation::LoopSetWhileOn),
+            _ if offset == pllcfgr && self.cr() & PLLON != 0 => return Some(Violation::LoopSetWhileOn),
             CFGR => self.registers[CFGR] = value & !SWS,
-            CSR => {
-                let before = self.registers[CSR];
+            _ if offset == csr => {
+                let before = self.registers[csr];
                 if value & LSION != 0 && before & LSION == 0 {
                     self.slow_at = now + SLOW_STARTS;
                 }
-                let flags = if value & RMVF != 0 { 0 } else { before & reset_flag::ALL };
-                self.registers[CSR] = flags | value & LSION;
+                let flags = if value & rmvf != 0 { 0 } else { before & reset_flag::ALL };
+                self.registers[csr] = flags | value & LSION;
             }
             _ => self.registers[offset] = value,
         }
@@ -262,7 +256,7 @@ impl Peripheral for Rcc {
     }
 
     fn reset(&mut self) {
-        *self = Self::new(self.oscillators);
+        *self = Self::new(self.family, self.oscillators);
     }
 }
 
@@ -275,16 +269,9 @@ pub struct Gate {
 }
 
 impl Gate {
-    pub const fn ahb1(bit: u32) -> Self {
-        Self { enable: AHB1ENR, reset: AHB1RSTR, bit, reset_bit: bit }
-    }
-
-    pub const fn apb1(bit: u32) -> Self {
-        Self { enable: APB1ENR, reset: APB1RSTR, bit, reset_bit: bit }
-    }
-
-    pub const fn apb2(bit: u32) -> Self {
-        Self { enable: APB2ENR, reset: APB2RSTR, bit, reset_bit: bit }
+    /// A gate by the registers that hold it, and its bit in both.
+    pub const fn new(enable: u32, reset: u32, bit: u32) -> Self {
+        Self { enable, reset, bit, reset_bit: bit }
     }
 
     /// The same, reset by another bit of the same place.

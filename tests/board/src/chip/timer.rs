@@ -1,5 +1,6 @@
-//! TIM5, RM0090 section 18: the counter, and the capture of the slow oscillator on channel 4.
+//! TIM5, RM0090 section 18, RM0440 section 30: the counter, and the capture of the slow oscillator.
 
+use crate::chip::family::Family;
 use crate::chip::registers::{Peripheral, Registers};
 use crate::chip::time::{Picoseconds, SECOND, periods};
 use crate::chip::violation::Violation;
@@ -7,26 +8,56 @@ use crate::chip::violation::Violation;
 const CR1: u32 = 0x00;
 const SR: u32 = 0x10;
 const EGR: u32 = 0x14;
-const CCMR2: u32 = 0x1c;
 const CCER: u32 = 0x20;
 const CNT: u32 = 0x24;
 const PSC: u32 = 0x28;
 const ARR: u32 = 0x2c;
-const CCR4: u32 = 0x40;
-const OR: u32 = 0x50;
 
 const CEN: u32 = 1 << 0;
 const UG: u32 = 1 << 0;
 /// Flags in SR.
 const UIF: u32 = 1 << 0;
-const CC4IF: u32 = 1 << 4;
-const CC4OF: u32 = 1 << 12;
-/// Channel 4 captures, in CCER.
-const CC4E: u32 = 1 << 12;
-/// The fourth input is the slow oscillator, in OR.
-const FROM_SLOW: u32 = 0b01;
+
+/// The channel that the slow oscillator can be connected to.
+struct Channel {
+    /// From 0.
+    number: u32,
+    /// Register of its input, the field in it, and the slow oscillator's code.
+    input: u32,
+    field: u32,
+    from_slow: u32,
+}
+
+/// RM0090: OR connects channel 4. RM0440: TISEL connects channel 1.
+const F4: Channel = Channel { number: 3, input: 0x50, field: 0b11 << 6, from_slow: 0b01 << 6 };
+const G4: Channel = Channel { number: 0, input: 0x5c, field: 0xf, from_slow: 1 };
+
+impl Channel {
+    /// Its flags, its bit in CCER, its mode and its register.
+    fn captured(&self) -> u32 {
+        1 << (1 + self.number)
+    }
+
+    fn overwritten(&self) -> u32 {
+        1 << (9 + self.number)
+    }
+
+    fn enabled(&self) -> u32 {
+        1 << (4 * self.number)
+    }
+
+    fn mode(&self, registers: &Registers) -> u32 {
+        registers[0x18 + self.number / 2 * 4] >> (8 * (self.number % 2)) & 0xff
+    }
+
+    fn register(&self) -> u32 {
+        0x34 + 4 * self.number
+    }
+}
 
 pub struct Timer {
+    family: Family,
+    channel: Channel,
     registers: Registers,
     /// Divider in force: PSC is taken over by an update.
     divider: u32,
@@ -41,9 +72,14 @@ pub struct Timer {
     since_capture: u32,
 }
 
-impl Default for Timer {
-    fn default() -> Self {
+impl Timer {
+    pub fn new(family: Family) -> Self {
         Self {
+            family,
+            channel: match family {
+                Family::F4 => F4,
+                Family::G4 => G4,
+            },
             registers: Registers::new(&[(ARR, u32::MAX)]),
             divider: 1,
             at: 0,
@@ -53,9 +89,7 @@ impl Default for Timer {
             since_capture: 0,
         }
     }
-}
 
-impl Timer {
     /// Counts until `now` at `clock_hz`, none without its clock, and captures the edges of the slow oscillator: Hz, since when.
     pub fn advance(&mut self, now: Picoseconds, clock_hz: Option<u32>, slow: Option<(u32, Picoseconds)>) {
         let Some(clock_hz) = clock_hz else {
@@ -95,9 +129,10 @@ impl Timer {
     }
 
     fn edge(&mut self) {
-        let mode = self.registers[CCMR2] >> 8;
-        let captures = self.registers[CCER] & CC4E != 0 && mode & 0b11 == 0b01;
-        if !captures || self.registers[OR] >> 6 & 0b11 != FROM_SLOW {
+        let channel = &self.channel;
+        let mode = channel.mode(&self.registers);
+        let captures = self.registers[CCER] & channel.enabled() != 0 && mode & 0b11 == 0b01;
+        if !captures || self.registers[channel.input] & channel.field != channel.from_slow {
             return;
         }
         self.since_capture += 1;
@@ -106,8 +141,9 @@ impl Timer {
         }
         self.since_capture = 0;
         let flags = self.registers[SR];
-        self.registers[SR] = flags | CC4IF | if flags & CC4IF != 0 { CC4OF } else { 0 };
-        self.registers[CCR4] = self.registers[CNT];
+        let overwritten = if flags & channel.captured() != 0 { channel.overwritten() } else { 0 };
+        self.registers[SR] = flags | channel.captured() | overwritten;
+        self.registers[channel.register()] = self.registers[CNT];
     }
 }
 
@@ -117,8 +153,8 @@ impl Peripheral for Timer {
     }
 
     fn was_read(&mut self, offset: u32) {
-        if offset == CCR4 {
-            self.registers[SR] &= !CC4IF;
+        if offset == self.channel.register() {
+            self.registers[SR] &= !self.channel.captured();
         }
     }
 
@@ -133,16 +169,16 @@ impl Peripheral for Timer {
                 self.registers[SR] |= UIF;
             }
             // Captured, not written.
-            CCR4 if self.registers[CCMR2] >> 8 & 0b11 != 0 => {}
+            _ if offset == self.channel.register() && self.channel.mode(&self.registers) & 0b11 != 0 => {}
             _ => self.registers[offset] = value,
         }
-        if self.registers[CCER] & CC4E == 0 {
+        if self.registers[CCER] & self.channel.enabled() == 0 {
             self.since_capture = 0;
         }
         None
     }
 
     fn reset(&mut self) {
-        *self = Self::default();
+        *self = Self::new(self.family);
     }
 }

@@ -1,14 +1,34 @@
-//! A USART, RM0090 section 30: what it sends, and what it is made to hear.
+//! A USART, RM0090 section 30, RM0440 section 37: what it sends, and what it is made to hear.
 
 use crate::chip::Block;
+use crate::chip::family::Family;
 use crate::chip::registers::{Peripheral, Registers};
 use crate::chip::time::{Picoseconds, SECOND};
 use crate::chip::violation::Violation;
 
-const SR: u32 = 0x00;
-const DR: u32 = 0x04;
-const BRR: u32 = 0x08;
-const CR1: u32 = 0x0c;
+/// Offsets of a family's registers. An STM32G4 has a register that clears flags, and two for data.
+struct Places {
+    status: u32,
+    clear: Option<u32>,
+    received: u32,
+    sent: u32,
+    divider: u32,
+    control: u32,
+    /// Enables it, in the control register.
+    enable: u32,
+}
+
+const F4: Places =
+    Places { status: 0x00, clear: None, received: 0x04, sent: 0x04, divider: 0x08, control: 0x0c, enable: 1 << 13 };
+const G4: Places = Places {
+    status: 0x1c,
+    clear: Some(0x20),
+    received: 0x24,
+    sent: 0x28,
+    divider: 0x0c,
+    control: 0x00,
+    enable: 1 << 0,
+};
 
 /// Flags in SR.
 pub mod flag {
@@ -20,18 +40,19 @@ pub mod flag {
     pub const COMPLETE: u32 = 1 << 6;
     pub const EMPTY: u32 = 1 << 7;
 }
-/// Reading SR and then DR clears them.
+/// Reading SR and then DR clears them, or the register that is there for it.
 const ERRORS: u32 = flag::PARITY | flag::FRAMING | flag::NOISE | flag::OVERRUN;
 
 /// Bits of CR1.
 const RE: u32 = 1 << 2;
 const TE: u32 = 1 << 3;
-const UE: u32 = 1 << 13;
 const OVER8: u32 = 1 << 15;
 /// A byte on the line: start, eight bits, stop.
 const BITS: u64 = 10;
 
 pub struct Usart {
+    family: Family,
+    places: &'static Places,
     registers: Registers,
     flags: u32,
     status_was_read: bool,
@@ -44,20 +65,31 @@ pub struct Usart {
 }
 
 impl Usart {
+    pub fn new(family: Family) -> Self {
+        let places = match family {
+            Family::F4 => &F4,
+            Family::G4 => &G4,
+        };
+        let registers = Registers::new(&[]);
+        let (flags, received, waiting, end, sent) = (0, 0, None, 0, Vec::new());
+        Self { family, places, registers, flags, status_was_read: false, received, waiting, end, sent }
+    }
+
     pub fn cr1(&self) -> u32 {
-        self.registers[CR1]
+        self.registers[self.places.control]
     }
 
     /// Bits per second for a bus clock.
     pub fn baud(&self, pclk_hz: u32) -> f64 {
-        let (whole, fraction) = (self.registers[BRR] >> 4, self.registers[BRR] & 0xf);
-        let (oversampling, parts) = if self.registers[CR1] & OVER8 == 0 { (16.0, 16.0) } else { (8.0, 8.0) };
+        let (whole, fraction) = (self.registers[self.places.divider] >> 4, self.registers[self.places.divider] & 0xf);
+        let (oversampling, parts) =
+            if self.registers[self.places.control] & OVER8 == 0 { (16.0, 16.0) } else { (8.0, 8.0) };
         f64::from(pclk_hz) / (oversampling * (f64::from(whole) + f64::from(fraction) / parts))
     }
 
     /// A byte comes in, with error flags if it is broken.
     pub fn hear(&mut self, byte: u8, errors: u32) {
-        if self.registers[CR1] & (UE | RE) != UE | RE {
+        if self.registers[self.places.control] & (self.places.enable | RE) != self.places.enable | RE {
             return;
         }
         self.status_was_read = false;
@@ -77,7 +109,7 @@ impl Usart {
     }
 
     pub fn advance(&mut self, now: Picoseconds, pclk_hz: u32) {
-        if self.registers[CR1] & (UE | TE) != UE | TE {
+        if self.registers[self.places.control] & (self.places.enable | TE) != self.places.enable | TE {
             return;
         }
         while now >= self.end
@@ -89,46 +121,42 @@ impl Usart {
     }
 }
 
-impl Default for Usart {
-    fn default() -> Self {
-        let registers = Registers::new(&[]);
-        Self { registers, flags: 0, status_was_read: false, received: 0, waiting: None, end: 0, sent: Vec::new() }
-    }
-}
-
 impl Peripheral for Usart {
     fn value(&self, offset: u32, now: Picoseconds) -> u32 {
-        match offset {
-            SR => {
-                let empty = if self.waiting.is_none() { flag::EMPTY } else { 0 };
-                let complete = if self.waiting.is_none() && now >= self.end { flag::COMPLETE } else { 0 };
-                self.flags | empty | complete
-            }
-            DR => self.received.into(),
-            _ => self.registers[offset],
+        if offset == self.places.status {
+            let empty = if self.waiting.is_none() { flag::EMPTY } else { 0 };
+            let complete = if self.waiting.is_none() && now >= self.end { flag::COMPLETE } else { 0 };
+            self.flags | empty | complete
+        } else if offset == self.places.received {
+            self.received.into()
+        } else {
+            self.registers[offset]
         }
     }
 
     fn was_read(&mut self, offset: u32) {
-        match offset {
-            SR => self.status_was_read = true,
-            DR if self.status_was_read => self.flags &= !(flag::RECEIVED | ERRORS),
-            DR => self.flags &= !flag::RECEIVED,
-            _ => {}
+        if offset == self.places.status {
+            self.status_was_read = true;
+        } else if offset == self.places.received {
+            let errors = if self.status_was_read && self.places.clear.is_none() { ERRORS } else { 0 };
+            self.flags &= !(flag::RECEIVED | errors);
         }
     }
 
     fn write(&mut self, offset: u32, value: u32, now: Picoseconds) -> Option<Violation> {
-        if offset != DR {
+        if Some(offset) == self.places.clear {
+            self.flags &= !(value & ERRORS);
+        } else if offset == self.places.sent {
+            self.end = self.end.max(now);
+            return self.waiting.replace(value as u8).map(|_| Violation::Overwritten(Block::Usart2));
+        } else {
             self.registers[offset] = value & 0xffff;
-            return None;
         }
-        self.end = self.end.max(now);
-        self.waiting.replace(value as u8).map(|_| Violation::Overwritten(Block::Usart2))
+        None
     }
 
     /// As after a reset; what went out stays on record.
     fn reset(&mut self) {
-        *self = Self { sent: std::mem::take(&mut self.sent), ..Self::default() };
+        *self = Self { sent: std::mem::take(&mut self.sent), ..Self::new(self.family) };
     }
 }

@@ -5,9 +5,9 @@ use crate::chip::pin::Pin;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Violation {
-    /// The loop is on with an input outside 1 to 2 MHz.
+    /// The loop is on with an input outside its limits.
     LoopInput { hz: u32 },
-    /// The loop is on with its oscillator outside 100 to 432 MHz.
+    /// The loop is on with its oscillator outside its limits.
     LoopOscillator { hz: u32 },
     /// The loop was switched on before what it follows was ready.
     LoopWithoutInput,
@@ -33,8 +33,12 @@ pub enum Violation {
     ConverterClock { hz: u32 },
     /// A conversion was started before the ADC was ready, or while it converted.
     ConversionNotReady { adc: u8 },
-    /// The chip's own reference was converted by an ADC that does not have it, without its switch, or sampled for less than 10 µs.
+    /// The chip's own reference was converted by an ADC that does not have it, without its switch, or sampled for too short a time.
     ReferenceNotSampled { adc: u8 },
     /// A pin was converted that is not analog.
     NotAnalog { pin: Pin },
+    /// A setting of the watchdog was written that is closed, or that still takes over what came before. It has not changed.
+    WatchdogNotSet,
+    /// The flash was written or erased without being asked to, while it was busy, or elsewhere than where the parameters are.
+    FlashOrder { address: u32 },
 }

@@ -6,9 +6,9 @@ use board_on_host::chip::rcc::Oscillators;
 use board_on_host::wires::Wiring;
 use dea_driver::{AmplifierError, Drive};
 
-use super::kinds::{Discovery, H405, Kind, Ticks, board_of, tick};
+use super::kinds::{Discovery, H405, Kind, Nucleo, Ticks, board_of, tick};
 use super::slaves::{Recorder, adc_wiring, dac_wiring};
-use super::start::{crystal, start};
+use super::start::{Core, start_h405};
 
 const ENABLE: Pin = H405::ENABLE;
 const DRIVE: Drive = H405::ON;
@@ -22,7 +22,7 @@ fn a_tick_moves_its_frames_and_nothing_else() {
         chip.wire(adc_wiring(0), monitor.clone());
         chip.wire(adc_wiring(1), sensor.clone());
     });
-    let mut bench = start(&board);
+    let mut bench = start_h405(&board, Core::Crystal);
     let frames = || [&dac, &monitor, &sensor].map(|chip| Recorder::take(chip));
     let only_to_the_dac = || {
         let [dac, monitor, sensor] = frames();
@@ -41,7 +41,7 @@ fn a_tick_moves_its_frames_and_nothing_else() {
 #[test]
 fn without_converters_nothing_is_enabled_and_nothing_is_read() {
     let board = Board::new(Oscillators::default());
-    let mut bench = start(&board);
+    let mut bench = start_h405(&board, Core::Crystal);
     for _ in 0..12 {
         let inputs = bench.sample();
         assert_eq!((inputs.monitor_adc_v, inputs.sensor_adc_v), (None, None));
@@ -54,7 +54,7 @@ fn without_converters_nothing_is_enabled_and_nothing_is_read() {
 fn the_interlock_is_read_at_its_pin() {
     fn on<K: Kind>() {
         let (board, _) = board_of::<K>();
-        let mut bench = K::start(&board, crystal());
+        let mut bench = K::start(&board, Core::Crystal);
         for (level, closed) in [(None, false), (Some(true), true), (Some(false), false)] {
             board.chip(|chip| chip.connect(K::INTERLOCK, level));
             assert_eq!(bench.sample().interlock_closed, closed, "{}: {level:?}", K::NAME);
@@ -62,6 +62,7 @@ fn the_interlock_is_read_at_its_pin() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }
 
 /// The pin is read, not what it was set to.
@@ -69,7 +70,7 @@ fn the_interlock_is_read_at_its_pin() {
 fn an_enable_output_that_is_held_is_seen() {
     fn on<K: Kind>() {
         let (board, _) = board_of::<K>();
-        let mut bench = K::start(&board, crystal());
+        let mut bench = K::start(&board, Core::Crystal);
         for drive in [K::OFF, K::OFF, K::ON] {
             assert_eq!(tick(&board, &mut bench, drive).1, Ok(()), "{}", K::NAME);
         }
@@ -81,6 +82,7 @@ fn an_enable_output_that_is_held_is_seen() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }
 
 #[test]
@@ -89,7 +91,7 @@ fn a_converter_on_the_pins_of_another_bus_hears_nothing() {
     let dac = Recorder::new(&[]);
     let elsewhere = Wiring { sck: Pin::new('B', 10), ..dac_wiring() };
     board.chip(|chip| chip.wire(elsewhere, dac.clone()));
-    let mut bench = start(&board);
+    let mut bench = start_h405(&board, Core::Crystal);
     assert!(bench.apply(DRIVE).is_err());
     let frames = Recorder::take(&dac);
     assert!(!frames.is_empty() && frames.iter().all(|clocks| *clocks == 0));

@@ -2,10 +2,13 @@
 
 use board_on_host::board::Board;
 use board_on_host::chip::clocks::Source;
+use board_on_host::chip::family::Family;
 use board_on_host::chip::rcc::{CSSON, HSEON, Loop, Oscillators, PLLON};
 use board_on_host::f4::clock::{self, ClockFault, Clocks};
 use board_on_host::f4::family::tree::Timer;
 use board_on_host::f4::stm32_h405::CRYSTAL_HZ;
+use board_on_host::g4::family::Chip;
+use board_on_host::g4::{clock as g4, nucleo_g474re};
 use board_on_host::hal::rcc::RccExt;
 use dea_driver::Cause;
 
@@ -231,5 +234,91 @@ fn captures_that_are_missed_are_no_drift() {
         assert_eq!(running.ticks(37), []);
         board.chip(|chip| chip.wait_ns(pause_ns));
         assert_eq!(running.ticks(120), [], "{pause_ns} ns");
+    }
+}
+
+/// The clocks of an STM32G4, whose crystal has 24 MHz: the fault, and the core as the firmware has it, Hz.
+fn start_g4(board: &Board, avoid: bool) -> Result<(Option<g4::ClockFault>, u32), String> {
+    board.run(|_| {
+        let chip = Chip::take();
+        let clocks = g4::start(chip.rcc, chip.timer, nucleo_g474re::CRYSTAL_HZ, avoid);
+        (clocks.fault, clocks.rcc.core_hz)
+    })
+}
+
+const GOOD_G4: Oscillators = Oscillators { crystal_hz: Some(24_000_000), ..GOOD };
+
+#[test]
+fn the_crystal_of_the_other_chip_makes_170_mhz() {
+    // The internal oscillator is off by 1 % at the most, the slow one has 29 to 34 kHz; they pass by far more.
+    for (internal_hz, slow_hz) in [(16_000_000, 32_000), (15_000_000, 34_000), (17_000_000, 29_000)] {
+        let board = Board::with(Family::G4, Oscillators { internal_hz, slow_hz: Some(slow_hz), ..GOOD_G4 });
+        let (fault, core_hz) = start_g4(&board, false).expect("no panic");
+        assert!(fault.is_none() && core_hz == 170_000_000);
+        let (clocks, factors) = board.chip(|chip| (chip.clocks(), chip.rcc.loop_factors()));
+        // RM0440 7.4.4: 4 MHz at the loop, where it needs 2.66 to 16, and 340 MHz, where it makes 96 to 344.
+        assert_eq!(factors, (6, 85, 2));
+        assert_eq!([clocks.hclk_hz, clocks.pclk1_hz, clocks.pclk2_hz, clocks.timers1_hz], [170_000_000; 4]);
+        assert_eq!(board.chip(|chip| chip.flash_g4.wait_states()), 4);
+        assert_ne!(board.chip(|chip| chip.rcc.cr()) & CSSON, 0, "nothing watches the crystal");
+        assert_eq!((board.log(), board.violations()), (vec![], vec![]));
+    }
+}
+
+#[test]
+fn without_its_crystal_the_other_chip_runs_on_its_internal_oscillator() {
+    let dead = Oscillators { crystal_hz: None, ..GOOD_G4 };
+    let no_loop = Oscillators { pll: Loop::Dead, ..GOOD_G4 };
+    for (oscillators, avoid, wanted) in [
+        (dead, false, g4::ClockFault::Crystal),
+        (no_loop, false, g4::ClockFault::Loop),
+        (GOOD_G4, true, g4::ClockFault::LastRun),
+    ] {
+        let board = Board::with(Family::G4, oscillators);
+        let (fault, core_hz) = start_g4(&board, avoid).expect("no panic");
+        assert!(fault == Some(wanted) && core_hz == 16_000_000, "{oscillators:?}");
+        let (clocks, source, cr) = board.chip(|chip| (chip.clocks(), chip.rcc.source(), chip.rcc.cr()));
+        assert_eq!((source, clocks.hclk_hz), (Source::Internal, 16_000_000), "{oscillators:?}");
+        assert_eq!(cr & (CSSON | PLLON | HSEON), 0, "{oscillators:?}");
+        assert_eq!(board.violations(), [], "{oscillators:?}");
+    }
+    for crystal_hz in [8_000_000, 16_000_000, 48_000_000] {
+        let board = Board::with(Family::G4, Oscillators { crystal_hz: Some(crystal_hz), ..GOOD_G4 });
+        let Err(message) = start_g4(&board, false) else { panic!("{crystal_hz} Hz was taken for 24 MHz") };
+        assert_eq!(message, "clock: another crystal than 24 MHz", "{crystal_hz} Hz");
+    }
+}
+
+/// Its timer captures on another channel.
+#[test]
+fn clocks_of_the_other_chip_that_drift_or_stop_are_noticed() {
+    for (slow_hz, wanted) in [(Some(42_000), Some("Drift")), (None, Some("Slow")), (Some(33_000), None)] {
+        let board = Board::with(Family::G4, GOOD_G4);
+        let chip = Chip::take();
+        let mut clocks = g4::start(chip.rcc, chip.timer, nucleo_g474re::CRYSTAL_HZ, false);
+        let refused = std::cell::RefCell::new(None);
+        let mut ticks = |ms: u32| {
+            (0..ms)
+                .filter(|_| {
+                    for _ in 0..10 {
+                        board.chip(|chip| chip.wait_ns(100_000));
+                        // CC1IF and CC1IE.
+                        if board.chip(|chip| chip.peek(0x4000_0c10) & chip.peek(0x4000_0c0c) & 1 << 1 != 0) {
+                            clocks.captures.take();
+                        }
+                    }
+                    let cause = clocks.watch.check(1000.0, |fault| {
+                        refused.replace(Some(format!("{fault:?}")));
+                        Some(Cause::Clock)
+                    });
+                    cause.is_some()
+                })
+                .count()
+        };
+        assert_eq!(ticks(150), 0, "healthy before");
+        board.chip(|chip| chip.change_slow(slow_hz));
+        let found = ticks(200);
+        assert_eq!(refused.take().as_deref(), wanted, "{slow_hz:?}");
+        assert!(found >= 99 || wanted.is_none(), "{slow_hz:?}: {found} ticks");
     }
 }

@@ -5,19 +5,23 @@ use board_on_host::chip::rcc::Oscillators;
 use converter_chips::Variant;
 use dea_driver::AmplifierError;
 
-use super::kinds::{Discovery, H405, Kind, SET_UP, Ticks, assert_near, board_of, clocks, tick};
-use super::start::{crystal, start_on};
+use super::kinds::{Discovery, H405, Kind, Nucleo, SET_UP, Ticks, assert_near, board_of, tick};
+use super::start::{CLOCKS, Core, start_h405};
 
 #[test]
 fn sensors_are_read_at_both_clocks_of_the_core_with_every_converter() {
-    for clocks in clocks() {
+    fn on<K: Kind>(core: Core, volts: [f64; 2]) {
+        let (board, converters) = board_of::<K>();
+        reads(&board, &converters, &mut K::start(&board, core), volts);
+    }
+    for core in CLOCKS {
         for variant in [Variant::Ads8681, Variant::Ads8685, Variant::Ads8689] {
             let board = Board::new(Oscillators::default());
             let converters = H405::with(&board, variant);
-            reads(&board, &converters, &mut start_on(&board, clocks), [1.2345, 9.8765]);
+            reads(&board, &converters, &mut start_h405(&board, core), [1.2345, 9.8765]);
         }
-        let (board, converters) = board_of::<Discovery>();
-        reads(&board, &converters, &mut Discovery::start(&board, clocks), [0.12345, 2.65432]);
+        on::<Discovery>(core, [0.12345, 2.65432]);
+        on::<Nucleo>(core, [0.12345, 2.96543]);
     }
 }
 
@@ -37,9 +41,9 @@ fn reads<K: Kind>(board: &Board, converters: &K, bench: &mut K::Bench, [monitor_
 #[test]
 fn the_command_reaches_the_output_and_the_enable_takes_it_back() {
     fn on<K: Kind>() {
-        for clocks in clocks() {
+        for core in CLOCKS {
             let (board, converters) = board_of::<K>();
-            let mut bench = K::start(&board, clocks);
+            let mut bench = K::start(&board, core);
             for _ in 0..SET_UP {
                 assert_eq!(tick(&board, &mut bench, K::OFF).1, Ok(()), "{}", K::NAME);
                 assert_eq!(converters.command_v(&board), 0.0, "{}", K::NAME);
@@ -58,13 +62,14 @@ fn the_command_reaches_the_output_and_the_enable_takes_it_back() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }
 
 #[test]
 fn a_dac_that_loses_its_supply_disables_the_amplifier() {
     fn on<K: Kind>() {
         let (board, converters) = board_of::<K>();
-        let mut bench = K::start(&board, crystal());
+        let mut bench = K::start(&board, Core::Crystal);
         for drive in [K::OFF, K::OFF, K::ON, K::ON] {
             assert_eq!(tick(&board, &mut bench, drive).1, Ok(()), "{}", K::NAME);
         }
@@ -79,6 +84,7 @@ fn a_dac_that_loses_its_supply_disables_the_amplifier() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }
 
 #[test]
@@ -86,7 +92,7 @@ fn an_adc_that_loses_its_supply_is_not_believed_and_comes_back() {
     fn on<K: Kind>() {
         let (board, converters) = board_of::<K>();
         converters.set_monitor(&board, 2.0);
-        let mut bench = K::start(&board, crystal());
+        let mut bench = K::start(&board, Core::Crystal);
         for _ in 0..SET_UP {
             assert_eq!(tick(&board, &mut bench, K::OFF).1, Ok(()));
         }
@@ -103,15 +109,16 @@ fn an_adc_that_loses_its_supply_is_not_believed_and_comes_back() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }
 
 /// By the watchdog, the pin, a panic or a brown-out: the pins float, and resistors hold them.
 #[test]
 fn a_reset_ends_at_0_v_with_the_enable_output_low() {
     fn on<K: Kind>() {
-        for clocks in clocks() {
+        for core in CLOCKS {
             let (board, converters) = board_of::<K>();
-            let mut bench = K::start(&board, clocks);
+            let mut bench = K::start(&board, core);
             for drive in [K::OFF, K::OFF, K::ON, K::ON] {
                 assert_eq!(tick(&board, &mut bench, drive).1, Ok(()), "{}", K::NAME);
             }
@@ -124,7 +131,7 @@ fn a_reset_ends_at_0_v_with_the_enable_output_low() {
             assert!(!board.chip(|chip| chip.level(K::ENABLE)), "{}", K::NAME);
             assert_eq!(converters.command_v(&board), 0.0, "{}", K::NAME);
             // Nor does the start after it move them.
-            let mut bench = K::start(&board, clocks);
+            let mut bench = K::start(&board, core);
             for _ in 0..SET_UP {
                 bench.sample();
                 assert_eq!(bench.apply(K::OFF), Ok(()), "{}", K::NAME);
@@ -136,4 +143,5 @@ fn a_reset_ends_at_0_v_with_the_enable_output_low() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }

@@ -66,7 +66,7 @@ fn the_libraries_are_those_of_the_firmware() {
         let at = text.find(&format!("name = \"{package}\"\n")).expect("the package");
         text[at..].lines().nth(1).expect("its version").to_owned()
     };
-    for package in ["stm32f4xx-hal", "stm32f4", "embedded-hal-bus"] {
+    for package in ["stm32f4xx-hal", "stm32f4", "stm32-metapac", "embedded-hal-bus"] {
         assert_eq!(version("Cargo.lock", package), version("firmware/Cargo.lock", package), "{package}");
     }
 }

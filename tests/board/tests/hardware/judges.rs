@@ -69,8 +69,8 @@ fn blocks_without_a_clock_and_without_a_model() {
     let board = Board::new(Oscillators::default());
     let chip = board.peripherals();
     let _ = chip.TIM5.cnt().read().bits();
-    let _ = chip.IWDG.sr().read().bits();
-    let address = 0x4000_300c;
+    let _ = chip.WWDG.sr().read().bits();
+    let address = 0x4000_2c08;
     assert_eq!(board.violations(), [Violation::NoClock(Block::Tim5), Violation::NoModel { address }]);
 }
 

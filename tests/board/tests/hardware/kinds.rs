@@ -4,17 +4,18 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use board_on_host::board::Board;
+use board_on_host::chip::family::Family;
 use board_on_host::chip::gpio::Pin;
 use board_on_host::chip::rcc::Oscillators;
 use board_on_host::f4::{stm32_h405, stm32f407_discovery};
-use board_on_host::hal::rcc::Config;
+use board_on_host::g4::nucleo_g474re;
 use converter_chips::{Ad5754, Ads868x, Rule, Variant};
 use dea_driver::chips::{Calibration, CommandRange, Converters};
 use dea_driver::wire::Inspection;
 use dea_driver::{AmplifierError, Drive, Inputs};
 
 use super::slaves::{adc_wiring, dac_wiring};
-use super::start::{crystal, start_discovery, start_on};
+use super::start::{Core, start_discovery, start_h405, start_nucleo};
 
 /// Ticks after which every converter is set up.
 pub const SET_UP: usize = 8;
@@ -43,12 +44,14 @@ macro_rules! ticks {
         }
     )*};
 }
-ticks!(stm32_h405::Bench, stm32f407_discovery::Bench);
+ticks!(stm32_h405::Bench, stm32f407_discovery::Bench, nucleo_g474re::Bench);
 
 /// A board and what is connected to it.
 pub trait Kind: Sized {
     type Bench: Ticks;
     const NAME: &'static str;
+    const FAMILY: Family = Family::F4;
+    const CRYSTAL_HZ: u32;
     const ID: u16;
     const CONVERTERS: Converters;
     const ENABLE: Pin;
@@ -66,7 +69,7 @@ pub trait Kind: Sized {
     /// Connects converters and instruments to a board that has just been switched on.
     fn on(board: &Board) -> Self;
     /// Starts the firmware, up to the bench and the link.
-    fn start(board: &Board, clocks: Config) -> Self::Bench;
+    fn start(board: &Board, core: Core) -> Self::Bench;
     fn set_monitor(&self, board: &Board, volts: f64);
     fn set_sensor(&self, board: &Board, volts: f64);
     /// The command at the DAC's output, V.
@@ -96,7 +99,8 @@ pub fn assert_near<K: Kind>(found: Option<f32>, wanted: f64) {
 
 /// A board with its converters and instruments.
 pub fn board_of<K: Kind>() -> (Board, K) {
-    let board = Board::new(Oscillators::default());
+    let crystal_hz = Some(K::CRYSTAL_HZ);
+    let board = Board::with(K::FAMILY, Oscillators { crystal_hz, ..Oscillators::default() });
     let wired = K::on(&board);
     (board, wired)
 }
@@ -130,6 +134,7 @@ impl H405 {
 impl Kind for H405 {
     type Bench = stm32_h405::Bench;
     const NAME: &'static str = "STM32-H405";
+    const CRYSTAL_HZ: u32 = stm32_h405::CRYSTAL_HZ;
     const ID: u16 = stm32_h405::ID;
     const CONVERTERS: Converters = stm32_h405::CONVERTERS;
     const ENABLE: Pin = Pin::new('C', 6);
@@ -144,8 +149,8 @@ impl Kind for H405 {
         Self::with(board, Variant::Ads8689)
     }
 
-    fn start(board: &Board, clocks: Config) -> Self::Bench {
-        start_on(board, clocks)
+    fn start(board: &Board, core: Core) -> Self::Bench {
+        start_h405(board, core)
     }
 
     fn set_monitor(&self, _: &Board, volts: f64) {
@@ -182,66 +187,122 @@ impl Kind for H405 {
     }
 }
 
-/// ST's STM32F4DISCOVERY with the converters on its chip, as `docs/boards.md` has it.
-pub struct Discovery;
+/// A board with the converters on its chip, as `docs/boards.md` has it.
+pub trait OnChip: Kind + Default {
+    const DAC: Pin;
+    const MONITOR: Pin;
+    const SENSOR_PIN: Pin;
+    /// Its supply in the middle of the range.
+    const SUPPLY_V: f64;
+    const CYCLES_PER_TICK: f32;
+    /// The core on the crystal, Hz.
+    const CORE_HZ: f64;
+    /// The address of the DAC's control register.
+    const DAC_REGISTERS: u32;
+    /// The DAC with its buffer: values of its control register and of others.
+    const BUFFERED: &'static [(u32, u32)];
+    /// A register that sets an ADC, and another value: resolution, sampling times, the clock of both, on.
+    const SPOILED: &'static [(u32, u32)];
+    /// A factory's code of the reference that no such chip has.
+    const OTHER_FACTORY: u32;
+}
+
+macro_rules! on_chip {
+    ($kind:ident, $module:ident, $start:ident, $supply_v:literal) => {
+        #[derive(Default)]
+        pub struct $kind;
+
+        impl Kind for $kind {
+            type Bench = $module::Bench;
+            const NAME: &'static str = $kind::TITLE;
+            const FAMILY: Family = $kind::OF;
+            const CRYSTAL_HZ: u32 = $module::CRYSTAL_HZ;
+            const ID: u16 = $module::ID;
+            const CONVERTERS: Converters = $module::CONVERTERS;
+            const ENABLE: Pin = Pin::new('C', 6);
+            const INTERLOCK: Pin = Pin::new('C', 8);
+            const ON: Drive = Drive { enable: true, dac_v: 1.5, range: CommandRange::TenVolts };
+            // Half a code, and half of one of the chip's reference, which is at 1.21 V.
+            const STEP_V: f64 = 0.5 * $supply_v / 4096.0 * (1.0 + $supply_v / 1.21);
+            const LOADED: f64 = 1500.0 / 1515.0;
+            // 24 and 10 kΩ: an operational amplifier of 3.4 behind the DAC, and dividers by as much before the ADCs.
+            const GAIN: f32 = 3400.0;
+            const SENSOR: Calibration = Calibration::Parabola { offset: -1e-3, gain: 3.4e-3, quadratic: 0.0 };
+
+            fn on(board: &Board) -> Self {
+                Self.set_monitor(board, 0.0);
+                Self.set_sensor(board, 0.3);
+                Self
+            }
+
+            fn start(board: &Board, core: Core) -> Self::Bench {
+                $start(board, core)
+            }
+
+            fn set_monitor(&self, board: &Board, volts: f64) {
+                board.chip(|chip| chip.put(Self::MONITOR, volts));
+            }
+
+            fn set_sensor(&self, board: &Board, volts: f64) {
+                board.chip(|chip| chip.put(Self::SENSOR_PIN, volts));
+            }
+
+            fn command_v(&self, board: &Board) -> f64 {
+                board.chip(|chip| chip.volts(Self::DAC))
+            }
+
+            fn fail_dac(&self, board: &Board) {
+                board.chip(|chip| chip.around.shorted = Some((Self::DAC, $supply_v)));
+            }
+
+            fn fail_monitor(&self, board: &Board, fails: bool) {
+                board.chip(|chip| chip.adcs[0].is_dead = fails);
+            }
+
+            fn assert_no_violations(&self, board: &Board) {
+                assert_eq!(board.violations(), [], "{}", Self::NAME);
+            }
+        }
+    };
+}
+
+on_chip!(Discovery, stm32f407_discovery, start_discovery, 3.0);
+on_chip!(Nucleo, nucleo_g474re, start_nucleo, 3.3);
 
 impl Discovery {
-    pub const DAC: Pin = Pin::new('A', 5);
-    pub const MONITOR: Pin = Pin::new('B', 0);
-    pub const SENSOR_PIN: Pin = Pin::new('B', 1);
+    const TITLE: &'static str = "STM32F4DISCOVERY";
+    const OF: Family = Family::F4;
 }
 
-impl Kind for Discovery {
-    type Bench = stm32f407_discovery::Bench;
-    const NAME: &'static str = "STM32F4DISCOVERY";
-    const ID: u16 = stm32f407_discovery::ID;
-    const CONVERTERS: Converters = stm32f407_discovery::CONVERTERS;
-    const ENABLE: Pin = Pin::new('C', 6);
-    const INTERLOCK: Pin = Pin::new('C', 8);
-    const ON: Drive = Drive { enable: true, dac_v: 1.5, range: CommandRange::TenVolts };
-    // Half a code, and half of one of the chip's reference, which has 1652 at 3 V.
-    const STEP_V: f64 = 0.5 * 3.0 / 4096.0 + 3.0 * 0.5 / 1652.0;
-    const LOADED: f64 = 1500.0 / 1515.0;
-    // 24 and 10 kΩ: an operational amplifier of 3.4 behind the DAC, and dividers by as much before the ADCs.
-    const GAIN: f32 = 3400.0;
-    const SENSOR: Calibration = Calibration::Parabola { offset: -1e-3, gain: 3.4e-3, quadratic: 0.0 };
-
-    fn on(board: &Board) -> Self {
-        Self.set_monitor(board, 0.0);
-        Self.set_sensor(board, 0.3);
-        Self
-    }
-
-    fn start(board: &Board, clocks: Config) -> Self::Bench {
-        start_discovery(board, clocks)
-    }
-
-    fn set_monitor(&self, board: &Board, volts: f64) {
-        board.chip(|chip| chip.put(Self::MONITOR, volts));
-    }
-
-    fn set_sensor(&self, board: &Board, volts: f64) {
-        board.chip(|chip| chip.put(Self::SENSOR_PIN, volts));
-    }
-
-    fn command_v(&self, board: &Board) -> f64 {
-        board.chip(|chip| chip.volts(Self::DAC))
-    }
-
-    fn fail_dac(&self, board: &Board) {
-        board.chip(|chip| chip.around.shorted = Some((Self::DAC, 3.0)));
-    }
-
-    fn fail_monitor(&self, board: &Board, fails: bool) {
-        board.chip(|chip| chip.adcs[0].is_dead = fails);
-    }
-
-    fn assert_no_violations(&self, board: &Board) {
-        assert_eq!(board.violations(), [], "{}", Self::NAME);
-    }
+impl OnChip for Discovery {
+    const DAC: Pin = Pin::new('A', 5);
+    const MONITOR: Pin = Pin::new('B', 0);
+    const SENSOR_PIN: Pin = Pin::new('B', 1);
+    const SUPPLY_V: f64 = 3.0;
+    const CYCLES_PER_TICK: f32 = stm32f407_discovery::CYCLES_PER_TICK;
+    const CORE_HZ: f64 = 168e6;
+    const DAC_REGISTERS: u32 = 0x4000_7400;
+    const BUFFERED: &'static [(u32, u32)] = &[(0x00, 1 << 16)];
+    const SPOILED: &'static [(u32, u32)] =
+        &[(0x4001_2004, 1 << 24), (0x4001_2110, 0), (0x4001_2304, 1 << 23), (0x4001_2008, 0)];
+    const OTHER_FACTORY: u32 = 1555;
 }
 
-/// The clocks of the core.
-pub fn clocks() -> [Config; 2] {
-    [crystal(), Config::hsi()]
+impl Nucleo {
+    const TITLE: &'static str = "NUCLEO-G474RE";
+    const OF: Family = Family::G4;
+}
+
+impl OnChip for Nucleo {
+    const DAC: Pin = Pin::new('A', 4);
+    const MONITOR: Pin = Pin::new('A', 0);
+    const SENSOR_PIN: Pin = Pin::new('A', 1);
+    const SUPPLY_V: f64 = 3.3;
+    const CYCLES_PER_TICK: f32 = nucleo_g474re::CYCLES_PER_TICK;
+    const CORE_HZ: f64 = 170e6;
+    const DAC_REGISTERS: u32 = 0x5000_0800;
+    const BUFFERED: &'static [(u32, u32)] = &[(0x00, 0), (0x3c, 0b10 << 14), (0x00, 1)];
+    const SPOILED: &'static [(u32, u32)] =
+        &[(0x5000_000c, 1 << 31), (0x5000_0118, 0), (0x5000_0308, 1 << 22 | 2 << 16), (0x5000_0008, 0)];
+    const OTHER_FACTORY: u32 = 1700;
 }

@@ -6,6 +6,7 @@
 mod bench;
 mod clock;
 mod converters;
+mod flash;
 mod host;
 mod judges;
 mod kinds;
@@ -16,3 +17,4 @@ mod reset;
 mod serial;
 mod slaves;
 mod start;
+mod watchdog;

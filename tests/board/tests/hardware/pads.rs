@@ -4,10 +4,9 @@ use board_on_host::board::Board;
 use board_on_host::chip::gpio::{Mode, Pad, Pin, Pull, Speed};
 use board_on_host::chip::pads::Signal;
 use board_on_host::chip::rcc::Oscillators;
-use board_on_host::hal::rcc::Config;
 
-use super::kinds::{Discovery, H405, Kind, board_of};
-use super::start::{crystal, start_on};
+use super::kinds::{Discovery, H405, Kind, Nucleo, board_of};
+use super::start::{CLOCKS, Core, start_h405};
 
 const fn pin(port: char, number: u8) -> Pin {
     Pin::new(port, number)
@@ -86,11 +85,25 @@ impl Pads for Discovery {
     const STARTS: &'static [(Pin, bool)] = &[(pin('D', 12), false), (pin('E', 3), true)];
 }
 
+impl Pads for Nucleo {
+    const PINS: &'static [Row] = &[
+        output(pin('C', 6), "enable"),
+        Row { mode: Mode::Input, pull: Pull::Down, ..output(pin('C', 8), "interlock") },
+        output(pin('A', 5), "light"),
+        Row { mode: Mode::Analog, ..output(pin('A', 4), "command") },
+        Row { mode: Mode::Analog, ..output(pin('A', 0), "monitor") },
+        Row { mode: Mode::Analog, ..output(pin('A', 1), "sensor") },
+        drives(pin('A', 2), "link, out", 7, Signal::Transmit, Speed::Low),
+        hears(pin('A', 3), "link, in", 7, Signal::Receive, Pull::Up),
+    ];
+    const STARTS: &'static [(Pin, bool)] = &[(pin('A', 5), false)];
+}
+
 #[test]
 fn every_pin_is_set_for_what_is_wired_to_it() {
     fn on<K: Pads>() {
         let (board, _) = board_of::<K>();
-        let _bench = K::start(&board, crystal());
+        let _bench = K::start(&board, Core::Crystal);
         for &Row { pin, what, mode, signal, pull, speed } in K::PINS {
             let what = format!("{}: {pin:?}, {what}", K::NAME);
             let pad = board.chip(|chip| chip.pad(pin));
@@ -103,6 +116,7 @@ fn every_pin_is_set_for_what_is_wired_to_it() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }
 
 /// The tables of `docs/boards.md`, which the drawings are made of, have these pins.
@@ -122,6 +136,7 @@ fn the_page_has_every_pin_of_every_board() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }
 
 #[test]
@@ -133,7 +148,7 @@ fn other_pins_are_left_as_they_are() {
         let pads =
             |board: &Board| -> Vec<(Pin, Pad)> { board.chip(|chip| pins().map(|pin| (pin, chip.pad(pin))).collect()) };
         let before = pads(&board);
-        let _bench = K::start(&board, crystal());
+        let _bench = K::start(&board, Core::Crystal);
         for ((pin, before), (_, after)) in before.into_iter().zip(pads(&board)) {
             if !K::PINS.iter().any(|row| row.pin == pin) {
                 assert_eq!(after, before, "{}: {pin:?}", K::NAME);
@@ -142,13 +157,14 @@ fn other_pins_are_left_as_they_are() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }
 
 #[test]
 fn the_enable_output_is_the_first_to_be_driven_and_low() {
     fn on<K: Pads>() {
         let (board, _) = board_of::<K>();
-        let _bench = K::start(&board, crystal());
+        let _bench = K::start(&board, Core::Crystal);
         let enable = board.chip(|chip| chip.history(K::ENABLE));
         assert_eq!(enable.iter().map(|change| change.driven).collect::<Vec<_>>(), [Some(false)], "{}", K::NAME);
         for &Row { pin, what, .. } in K::PINS {
@@ -158,6 +174,7 @@ fn the_enable_output_is_the_first_to_be_driven_and_low() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }
 
 /// Selects high, and the light dark.
@@ -165,7 +182,7 @@ fn the_enable_output_is_the_first_to_be_driven_and_low() {
 fn selects_and_the_light_start_high() {
     fn on<K: Pads>() {
         let (board, _) = board_of::<K>();
-        let _bench = K::start(&board, crystal());
+        let _bench = K::start(&board, Core::Crystal);
         for &(pin, high) in K::STARTS {
             let history = board.chip(|chip| chip.history(pin));
             assert_eq!(
@@ -179,13 +196,14 @@ fn selects_and_the_light_start_high() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }
 
 #[test]
 fn the_buses_have_the_clock_and_the_mode_of_their_chips() {
-    for clocks in [crystal(), Config::hsi()] {
+    for core in CLOCKS {
         let board = Board::new(Oscillators::default());
-        let _bench = start_on(&board, clocks);
+        let _bench = start_h405(&board, core);
         for (number, mode) in [(2, 1), (1, 0)] {
             let (sck_hz, found) = board.chip(|chip| (chip.sck_hz(number), chip.spi(number.into()).mode()));
             assert!(sck_hz <= 10_000_000, "SPI{number}: {sck_hz} Hz, and the wires are for 10 MHz");

@@ -8,11 +8,11 @@ use dea_driver::{
 };
 use springpot::{Actuator, Law, LawOptions, Preset};
 
-use super::kinds::{Discovery, H405, Kind, SET_UP, Ticks, board_of};
-use super::start::crystal;
+use super::kinds::{Discovery, H405, Kind, Nucleo, SET_UP, Ticks, board_of};
+use super::start::Core;
 
 /// The parameters of a bench like the paper's at the converters of a board.
-fn parameters<K: Kind>() -> Parameters {
+pub fn parameters<K: Kind>() -> Parameters {
     let model = Preset::TABLE3_N2.model().expect("valid");
     let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
     let sensor = PlausibilityLimits { low: -0.5e-3, high: 8e-3, jump: 0.5e-3, stuck_ticks: 100, stuck_band: 6e-6 };
@@ -46,7 +46,7 @@ impl<K: Kind> Running<K> {
     fn new() -> Self {
         let (board, kind) = board_of::<K>();
         board.chip(|chip| chip.connect(K::INTERLOCK, Some(true)));
-        let bench = K::start(&board, crystal());
+        let bench = K::start(&board, Core::Crystal);
         let mut device = Device::new(None);
         // A host encodes for the board's number, the board checks by its own converters.
         let mut bytes = [0; BLOB_LEN];
@@ -179,6 +179,7 @@ fn every_fault_ends_at_0_v_on_every_board() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }
 
 #[test]
@@ -203,6 +204,7 @@ fn what_fails_before_arming_is_never_enabled() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }
 
 #[test]
@@ -220,4 +222,5 @@ fn a_run_breaks_no_rule_of_the_chip_and_ends_at_0_v() {
     }
     on::<H405>();
     on::<Discovery>();
+    on::<Nucleo>();
 }

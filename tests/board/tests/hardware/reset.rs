@@ -1,9 +1,12 @@
 //! `firmware/src/f4/reset.rs`: which cause is latched after which reset, and what the option bytes leave out.
 
 use board_on_host::board::Board;
+use board_on_host::chip::family::Family;
+use board_on_host::chip::flash::Flash;
 use board_on_host::chip::memory::Memory;
 use board_on_host::chip::rcc::{Oscillators, reset_flag};
 use board_on_host::f4::family::reset;
+use board_on_host::g4::family::{self as g4, Chip};
 use board_on_host::log::Level;
 use board_on_host::panic::Message;
 use dea_driver::Cause;
@@ -79,5 +82,44 @@ fn option_bytes_that_protect_nothing_are_latched() {
         for ((level, text), (_, name)) in log.iter().zip(&set) {
             assert!(*level == Level::Warning && text.contains(name), "{text}");
         }
+    }
+}
+
+/// The same on an STM32G4, which has one flag for a supply that comes and one that dips.
+#[test]
+fn every_reset_of_the_other_chip_has_its_cause() {
+    let (option_bytes, pin, supply) = (1 << 25, 1 << 26, 1 << 27);
+    for flags in (0..128).map(|flags: u32| flags << 25) {
+        let board = Board::with(Family::G4, Oscillators::default());
+        board.chip(|chip| chip.rcc.set_reset_flags(flags));
+        let cause = g4::reset::cause(&Chip::take().rcc, &Message(String::new()));
+        let others = option_bytes | pin | reset_flag::SOFTWARE | reset_flag::LOW_POWER;
+        let wanted = match flags {
+            _ if flags & (reset_flag::INDEPENDENT_WATCHDOG | reset_flag::WINDOW_WATCHDOG) != 0 => Some(Cause::Watchdog),
+            _ if flags & supply != 0 => None,
+            _ => (flags & others != 0).then_some(Cause::Reset),
+        };
+        assert_eq!((cause, board.chip(|chip| chip.rcc.reset_flags())), (wanted, 0), "{flags:#x}");
+    }
+}
+
+/// As delivered, and as the page asks for.
+#[test]
+fn option_bytes_of_the_other_chip_are_latched() {
+    let safe = Flash::TWO_BANKS | 4 << 8;
+    for (options, names) in [
+        (safe, &[] as &[&str]),
+        (safe | Flash::WATCHDOG_BY_SOFTWARE, &["IWDG_SW"]),
+        (Flash::TWO_BANKS | 3 << 8, &["BOR_LEV"]),
+        (4 << 8, &["DBANK"]),
+        (0xffef_f8aa, &["IWDG_SW", "BOR_LEV"]),
+    ] {
+        let board = Board::with(Family::G4, Oscillators::default());
+        board.chip(|chip| chip.flash_g4.registers[Flash::OPTR] = options);
+        let cause = g4::reset::check_option_bytes(&g4::pac::FLASH);
+        assert_eq!(cause, (!names.is_empty()).then_some(Cause::OptionBytes), "{options:#x}");
+        let log = board.log();
+        assert_eq!(log.len(), names.len(), "{log:?}");
+        assert!(log.iter().zip(names).all(|((_, text), name)| text.contains(name)), "{log:?}");
     }
 }

@@ -4,6 +4,8 @@ use board_on_host::board::Board;
 use board_on_host::chip::rcc::Oscillators;
 use board_on_host::chip::usart::flag;
 use board_on_host::f4::family::serial::{open, received};
+use board_on_host::g4::family::{Chip, serial as g4};
+use board_on_host::g4::nucleo_g474re;
 use board_on_host::hal::hal_02::serial::Write;
 use board_on_host::hal::pac::USART2;
 use board_on_host::hal::prelude::*;
@@ -11,7 +13,8 @@ use board_on_host::hal::rcc::Config;
 use board_on_host::hal::serial::Serial;
 use dea_driver::wire::BAUD;
 
-use super::start::crystal;
+use super::kinds::{Nucleo, board_of};
+use super::start::{CLOCKS, crystal, set_g4};
 
 fn port(board: &Board, config: Config) -> Serial<USART2> {
     let chip = board.peripherals();
@@ -88,5 +91,41 @@ fn a_complaint_without_a_byte_does_not_come_again() {
         assert_eq!(u32::from(status) & errors, 0, "{errors:#x}");
         board.chip(|chip| chip.usart2.hear(0x17, 0));
         assert_eq!(received(&mut port), Some(0x17), "{errors:#x}");
+    }
+}
+
+/// The other chip's port has one register for what came and one for what goes, and one that clears complaints.
+#[test]
+fn the_port_of_the_other_chip_does_the_same() {
+    for core in CLOCKS {
+        let board = board_of::<Nucleo>().0;
+        let mut rcc = set_g4(core);
+        let chip = Chip::take();
+        let (_, link, _) = nucleo_g474re::start(chip.parts, &mut rcc);
+        let Ok(mut port) = g4::open(chip.usart, link, &mut rcc) else { panic!("the clock is too slow for the link") };
+        let (baud, cr1) = board.chip(|chip| (chip.usart2.baud(chip.clocks().pclk1_hz), chip.usart2.cr1()));
+        assert!((baud / f64::from(BAUD) - 1.0).abs() < 0.01, "{baud} baud");
+        // RM0440 section 37.8.1: enabled, both ways, an interrupt for every byte; eight bits, no parity.
+        assert_eq!(cr1, 1 << 0 | 0b11 << 2 | 1 << 5);
+        for errors in [0, flag::NOISE, flag::FRAMING, flag::PARITY] {
+            board.chip(|chip| chip.usart2.hear(0x17, errors));
+            assert_eq!(g4::received(&mut port), Some(0x17), "{errors:#x}");
+            assert_eq!(g4::received(&mut port), None, "{errors:#x}");
+        }
+        board.chip(|chip| [1, 2].into_iter().for_each(|byte| chip.usart2.hear(byte, 0)));
+        assert_eq!((g4::received(&mut port), g4::received(&mut port)), (Some(1), None));
+        board.chip(|chip| chip.usart2.complain(flag::NOISE));
+        assert_eq!(g4::received(&mut port), None);
+        assert_eq!(board.chip(|chip| chip.peek(0x4000_441c)) & 0b1111, 0, "a flag that stays would interrupt for ever");
+        for byte in 0..4 {
+            g4::send(&mut port, || Some(byte));
+            assert_ne!(board.chip(|chip| chip.usart2.cr1()) & 1 << 7, 0);
+            board.chip(|chip| chip.wait_ns(30_000));
+        }
+        g4::send(&mut port, || None);
+        assert_eq!(board.chip(|chip| chip.usart2.cr1()) & 1 << 7, 0);
+        let sent = board.chip(|chip| chip.usart2.sent.clone());
+        assert_eq!(sent.iter().map(|&(_, byte)| byte).collect::<Vec<_>>(), [0, 1, 2, 3]);
+        assert_eq!(board.violations(), []);
     }
 }

@@ -2,40 +2,58 @@
 
 use board_on_host::board::Board;
 use board_on_host::f4::family::tree::CORE_HZ;
-use board_on_host::f4::family::{Chip, serial};
-use board_on_host::f4::stm32_h405::{self, Bench};
-use board_on_host::f4::stm32f407_discovery;
+use board_on_host::f4::{self, stm32_h405, stm32f407_discovery};
+use board_on_host::g4::{self, nucleo_g474re};
 use board_on_host::hal::prelude::*;
 use board_on_host::hal::rcc::{Config, Rcc};
 
-/// The crystal's clocks, set without a look at the crystal, which takes 60 000 accesses.
+/// The clock source of the core.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Core {
+    Crystal,
+    Internal,
+}
+
+pub const CLOCKS: [Core; 2] = [Core::Crystal, Core::Internal];
+
+/// The crystal's clocks of an STM32F4.
 pub fn crystal() -> Config {
     Config::hse(8.MHz()).sysclk(CORE_HZ.Hz())
 }
 
-/// Starts on the crystal's clocks, up to the bench and the link.
-pub fn start(board: &Board) -> Bench {
-    start_on(board, crystal())
+/// The clocks of an STM32F4, set without a look at the crystal, which takes 60 000 accesses.
+fn set(board: &Board, core: Core) -> Rcc {
+    board.peripherals().RCC.freeze(if core == Core::Crystal { crystal() } else { Config::hsi() })
 }
 
-pub fn start_on(board: &Board, clocks: Config) -> Bench {
-    let (mut rcc, chip) = on(board, clocks);
-    let (_, link, pins) = stm32_h405::start(chip.parts, &mut rcc);
-    let bench = Bench::new(pins, Box::leak(Box::new(None)), &mut rcc);
-    assert!(serial::open(chip.usart, link, &mut rcc).is_ok(), "the clock is too slow for the link");
-    bench
+/// The same of an STM32G4.
+pub fn set_g4(core: Core) -> g4::family::Rcc {
+    use g4::family::tree::{crystal_starts, loop_locks, on_crystal, on_loop};
+    let rcc = g4::family::Chip::take().rcc;
+    if core == Core::Internal {
+        return rcc;
+    }
+    let hz = nucleo_g474re::CRYSTAL_HZ;
+    assert!(crystal_starts(&rcc));
+    let rcc = on_crystal(rcc, hz);
+    assert!(loop_locks(&rcc, hz));
+    on_loop(rcc, hz)
 }
 
-/// The same on ST's STM32F4DISCOVERY.
-pub fn start_discovery(board: &Board, clocks: Config) -> stm32f407_discovery::Bench {
-    let (mut rcc, chip) = on(board, clocks);
-    let (_, link, pins) = stm32f407_discovery::start(chip.parts, &mut rcc);
-    let bench = stm32f407_discovery::Bench::new(pins, Box::leak(Box::new(None)), &mut rcc);
-    assert!(serial::open(chip.usart, link, &mut rcc).is_ok(), "the clock is too slow for the link");
-    bench
+/// A board's start on these clocks, up to the bench and the link.
+macro_rules! start {
+    ($name:ident, $family:ident, $board:ident, $set:expr) => {
+        pub fn $name(board: &Board, core: Core) -> $board::Bench {
+            let (mut rcc, chip) = ($set(board, core), $family::family::Chip::take());
+            let (_, link, pins) = $board::start(chip.parts, &mut rcc);
+            let bench = $board::Bench::new(pins, Box::leak(Box::new(None)), &mut rcc);
+            let link = $family::family::serial::open(chip.usart, link, &mut rcc);
+            assert!(link.is_ok(), "the clock is too slow for the link");
+            bench
+        }
+    };
 }
 
-/// The chip on these clocks.
-fn on(board: &Board, clocks: Config) -> (Rcc, Chip) {
-    (board.peripherals().RCC.freeze(clocks), Chip::take())
-}
+start!(start_h405, f4, stm32_h405, set);
+start!(start_discovery, f4, stm32f407_discovery, set);
+start!(start_nucleo, g4, nucleo_g474re, |_, core| set_g4(core));

@@ -1,0 +1,21 @@
+//! The firmware for ST's NUCLEO-G474RE: as `main.rs`, with the converters on the chip.
+#![no_std]
+#![no_main]
+
+use defmt_rtt as _;
+
+use board as bench;
+
+mod app;
+mod background;
+#[path = "boards/nucleo_g474re.rs"]
+mod board;
+mod clock;
+#[path = "g4/mod.rs"]
+mod family;
+#[path = "chip.rs"]
+mod machine;
+mod on_chip;
+mod panic;
+mod pin;
+mod watchdog;
