@@ -2,6 +2,7 @@
 
 use board_on_host::board::Board;
 use board_on_host::chip::Block;
+use board_on_host::chip::family::Family;
 use board_on_host::chip::gpio::Pin;
 use board_on_host::chip::rcc::Oscillators;
 use board_on_host::chip::violation::Violation;
@@ -62,6 +63,29 @@ fn registers_begin_as_the_vendor_describes_them() {
     );
     assert_as_reset!(adc.htr(), chip.ADC_COMMON.ccr(), dac.cr(), dac.dhr12r2());
     assert_eq!(board.violations(), []);
+}
+
+/// Those of an STM32G474, as they are in the vendor's description (stm32g4 0.16), which no dependency of this package has. Its values of RCC_CR and
+/// FLASH_ACR are not those of the reference manual.
+#[test]
+fn registers_of_the_other_chip_begin_as_the_vendor_describes_them() {
+    let board = Board::with(Family::G4, Oscillators::default());
+    for (name, address, value) in [
+        ("RCC_CFGR", 0x4002_1008, 0x0000_0005),
+        ("RCC_PLLCFGR", 0x4002_100c, 0x0000_1000),
+        ("RCC_CSR", 0x4002_1094, 0x0c00_0000),
+        ("FLASH_CR", 0x4002_2014, 0xc000_0000),
+        ("FLASH_OPTR", 0x4002_2020, 0xffef_f8aa),
+        ("PWR_CR1", 0x4000_7000, 0x0000_0200),
+        ("PWR_CR5", 0x4000_7080, 0x0000_0100),
+        ("GPIOA_MODER", 0x4800_0000, 0xabff_ffff),
+        ("GPIOB_MODER", 0x4800_0400, 0xffff_febf),
+        ("GPIOC_MODER", 0x4800_0800, 0xffff_ffff),
+        ("ADC1_CR", 0x5000_0008, 0x2000_0000),
+        ("ADC2_CFGR", 0x5000_010c, 0x8000_0000),
+    ] {
+        assert_eq!(board.chip(|chip| chip.peek(address)), value, "{name}");
+    }
 }
 
 #[test]
