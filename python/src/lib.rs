@@ -21,6 +21,7 @@ mod model;
 mod names;
 mod recording;
 mod replay;
+mod self_sensing;
 mod watch;
 
 /// The module `springpot._native`.
@@ -55,6 +56,8 @@ mod _native {
     use crate::recording::{PyRecording, read_recording, read_reference};
     #[pymodule_export]
     use crate::replay::{check_reference, feedforward, frequency_response, observe, replay, simulate};
+    #[pymodule_export]
+    use crate::self_sensing::{PySelfSensed, PySelfSensing};
     #[pymodule_export]
     use crate::watch::PyStage;
 }

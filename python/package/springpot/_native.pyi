@@ -235,6 +235,27 @@ class Observer:
     def tick(self, voltage_v: float, sample_m: float | None = None, *, age_s: float | None = None) -> Estimate: ...
 
 @final
+class SelfSensed:
+    displacement_m: Final[float]
+    age_s: Final[float]
+    uncertainty_m: Final[float]
+    capacitance_f: Final[float]
+    resistance_ohm: Final[float]
+
+@final
+class SelfSensing:
+    def __new__(cls, path: _Path) -> SelfSensing: ...
+    rate_hz: Final[float]
+    tone_v: Final[float]
+    sensor_rate_hz: Final[float]
+    sensor_delay_s: Final[float]
+    @property
+    def fault(self) -> Literal["no-tone", "shorted", "current-monitor", "electrode"] | None: ...
+    def tick(self, voltage_v: float, current_a: float) -> SelfSensed | None: ...
+    def drive(self, voltage_v: float) -> float: ...
+    def correct(self, displacement_m: float, uncertainty_m: float, *, age_s: float = 0.0) -> None: ...
+
+@final
 class SimulatedFilm:
     def __new__(cls, plant: Literal["hossain", "wang"] = "hossain") -> SimulatedFilm: ...
     displacement_m: Final[float]
