@@ -27,7 +27,7 @@ const TICKS_PER_S: f64 = 1000.0;
 
 impl Cost {
     /// A linear film.
-    pub const LINEAR: Self = Self::stated(527, 1825, 2960);
+    pub const LINEAR: Self = Self::stated(527, 1830, 2960);
     /// A film behind an elastic curve.
     pub const CURVED: Self = Self::stated(615, 1995, 3200);
 
