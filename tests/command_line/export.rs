@@ -172,6 +172,14 @@ fn self_sensing_of_the_page_goes_into_the_blob() {
         ("max_slew_v_per_s = 1e5", "max_slew_v_per_s = 5e4", ["limits.max_slew_v_per_s is 50000", "at least 7853"]),
         ("rest_f = 700e-12", "rest_f = 900e-12", ["max_f", "larger than rest_f"]),
         ("max_current_a = 0.12e-3", "max_current_a = 0.2e-3", ["its max_current_a is 0.0002", "at most 0.000125"]),
+        // Other units.
+        ("rest_f = 700e-12", "rest_f = 700.0", ["rest_f", "picofarads"]),
+        ("max_f = 820e-12", "max_f = 0.82", ["max_f", "nanofarads"]),
+        ("cable_f = 100e-12", "cable_f = 100.0", ["cable_f", "picofarads"]),
+        ("stroke_m = [0.0233, -0.0068, 0.004]", "stroke_m = [23.3, -6.8, 4.0]", ["stroke_m", "millimetres"]),
+        ("tone_v = 50.0", "tone_v = 0.05", ["tone_v", "kilovolts"]),
+        ("current_noise_a = 15e-9", "current_noise_a = 15.0", ["noise", "current_noise_a"]),
+        ("voltage_noise_v = 0.18", "voltage_noise_v = 180.0", ["noise", "voltage_noise_v"]),
     ] {
         assert!(toml.contains(good));
         bench.write("bad.toml", toml.replace(good, bad));

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use springpot::{CapacitanceRelation, SelfSensingOptions};
 
 use crate::error::{Error, Result};
+use crate::files::parameters::plausibility::check_self_sensing;
 
 /// A recording at the ticks of a tone, in SI units.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -99,16 +100,18 @@ impl CapacitanceFile {
     ///
     /// # Errors
     ///
-    /// [`Error::File`] for a file that has another content.
+    /// [`Error::File`] for a file that has another content, and values that no film has.
     pub fn read(path: &Path) -> Result<Self> {
         let text = fs::read_to_string(path).map_err(|error| Error::file(path, error))?;
-        toml::from_str(&text).map_err(|error| {
+        let file: Self = toml::from_str(&text).map_err(|error| {
             let cause = error.message().to_owned();
             Error::file(
                 path,
                 format!("is no relation of capacitance and displacement: {cause}; the command self-sensing writes one"),
             )
-        })
+        })?;
+        check_self_sensing(&file.relation, &file.options).map_err(|cause| Error::file(path, cause))?;
+        Ok(file)
     }
 
     /// As TOML.

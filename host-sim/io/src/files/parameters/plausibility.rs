@@ -1,6 +1,6 @@
 //! Sizes that no film has, with the unit that they are likely in: millimetres read as metres would lift every limit of the field.
 
-use springpot::{Actuator, ActuatorError, EPSILON_0, GRAVITY};
+use springpot::{Actuator, ActuatorError, CapacitanceRelation, EPSILON_0, GRAVITY, SelfSensing, SelfSensingOptions};
 
 use super::{Board, Parameters, as_written};
 use crate::error;
@@ -36,6 +36,20 @@ const FIELD: Quantity = Quantity {
     max: 1e10,
     units: &[("megavolts per metre", 1e6), ("kilovolts per metre", 1e3)],
 };
+/// Films and cables from 1 pF to 10 µF.
+const CAPACITANCE: Quantity = Quantity {
+    symbol: "F",
+    min: 1e-12,
+    max: 1e-5,
+    units: &[("picofarads", 1e-12), ("nanofarads", 1e-9), ("microfarads", 1e-6)],
+};
+/// Strokes from 1 µm to 1 m.
+const STROKE: Quantity =
+    Quantity { symbol: "m", min: 1e-6, max: 1.0, units: &[("millimetres", 1e-3), ("micrometres", 1e-6)] };
+/// Tones that an amplifier of kilovolts makes.
+const TONE: Quantity = Quantity { symbol: "V", min: 0.5, max: 2000.0, units: &[("kilovolts", 1e3)] };
+/// Most noise of a sample by the film as its own sensor, as a share of its stroke.
+const MAX_NOISE: f64 = 0.1;
 
 impl Quantity {
     /// The fault of the value of `name`, and the value that is likely meant.
@@ -47,7 +61,10 @@ impl Quantity {
         let Self { symbol, min, max, .. } = self;
         let meant = self.units.iter().find(|(_, size)| holds(value * size));
         let advice = match meant {
-            Some((unit, size)) => format!("is it in {unit}? write {}", short(value * size)),
+            Some((unit, size)) => match short(value * size) {
+                meant if meant < 1e-6 => format!("is it in {unit}? write {meant:e}"),
+                meant => format!("is it in {unit}? write {meant}"),
+            },
             None => format!("films have {min} to {max} {symbol}"),
         };
         Some(format!("{name} = {value} is {value} {symbol}: {advice}"))
@@ -98,9 +115,41 @@ pub fn check(actuator: &Actuator) -> Result<(), (&'static str, String)> {
     Err((first, faults.iter().map(|(_, fault)| fault.as_str()).collect::<Vec<_>>().join("; ")))
 }
 
-/// Refuses a thickness in the limits of `board` that no film has: its supervisor takes the field from that.
+/// Refuses a thickness in the limits of `board` that no film has, as its supervisor takes the field from that, and implausible self-sensing.
 pub(super) fn check_board(board: &Board) -> Result<(), String> {
-    THICKNESS.fault("limits.thickness_m", as_written(board.limits.thickness_m)).map_or(Ok(()), Err)
+    THICKNESS.fault("limits.thickness_m", as_written(board.limits.thickness_m)).map_or(Ok(()), Err)?;
+    board.self_sensing.as_ref().map_or(Ok(()), |sensing| check_self_sensing(&sensing.relation, &sensing.options))
+}
+
+/// Refuses capacitances, a stroke and a tone that no film has, and monitors whose noise hides the stroke.
+pub(in crate::files) fn check_self_sensing(
+    relation: &CapacitanceRelation,
+    options: &SelfSensingOptions,
+) -> Result<(), String> {
+    let CapacitanceRelation { rest_f, max_f, .. } = *relation;
+    let stroke_m = relation.displacement_of_change(max_f / rest_f - 1.0);
+    let values = [
+        ("rest_f", rest_f, CAPACITANCE),
+        ("max_f", max_f, CAPACITANCE),
+        ("cable_f", if options.cable_f == 0.0 { CAPACITANCE.min } else { options.cable_f }, CAPACITANCE),
+        // One that does not rise has its own message, as what is refused below.
+        ("the stroke by stroke_m", if stroke_m > 0.0 { short(stroke_m) } else { STROKE.min }, STROKE),
+        ("tone_v", options.tone_v, TONE),
+    ];
+    let faults: Vec<String> =
+        values.iter().filter_map(|(name, value, quantity)| quantity.fault(name, *value)).collect();
+    if !faults.is_empty() {
+        return Err(format!("self-sensing: {}", faults.join("; ")));
+    }
+    let noise =
+        SelfSensing::<f64>::new(relation, *options).map_or(0.0, |film| film.noise_m(options.tone_v, 1.0) / stroke_m);
+    if noise > MAX_NOISE {
+        return Err(format!(
+            "self-sensing: the noise of the monitors alone is {:.0} % of the stroke: check voltage_noise_v, current_noise_a and their units",
+            100.0 * noise
+        ));
+    }
+    Ok(())
 }
 
 /// Doubts about sizes of `actuator` that some film may have, most severe first. Where they are `assumed`, the permittivity only scales the force.
