@@ -200,15 +200,7 @@ impl Bench {
             adcs: Adcs::new(channels, supply_v, rcc),
             sample: None,
             interlock: interlock.input_pulled_down(),
-            found: Inspection {
-                interlock_closed: false,
-                enable_high: false,
-                dac: Part::Starting,
-                monitor: Part::Starting,
-                sensor: Part::Starting,
-                monitor_adc_v: f32::NAN,
-                sensor_adc_v: f32::NAN,
-            },
+            found: Inspection::STARTING,
         }
     }
 

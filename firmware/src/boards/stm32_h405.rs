@@ -2,7 +2,7 @@
 //! bench on its pins.
 
 use dea_driver::chips::{AdcRange, Ceilings, CommandRange, Converters, Reference};
-use dea_driver::wire::{InjectedFault, Inspection, Part, boards};
+use dea_driver::wire::{InjectedFault, Inspection, boards};
 use dea_driver::{AdcError, Ads868x, Amplifier, AmplifierError, Controller, Drive, Inputs};
 use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice, NoDelay};
 use embedded_hal_bus::util::AtomicCell;
@@ -126,15 +126,7 @@ impl Bench {
             monitor: monitor.map(|bus| Ads868x::new(bus, AdcRange::UpTo10V24)),
             displacement: displacement.map(|bus| Ads868x::new(bus, AdcRange::UpTo10V24)),
             interlock: interlock.into_pull_down_input(),
-            found: Inspection {
-                interlock_closed: false,
-                enable_high: false,
-                dac: Part::Starting,
-                monitor: Part::Starting,
-                sensor: Part::Starting,
-                monitor_adc_v: f32::NAN,
-                sensor_adc_v: f32::NAN,
-            },
+            found: Inspection::STARTING,
         }
     }
 

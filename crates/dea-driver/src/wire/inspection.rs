@@ -22,6 +22,19 @@ pub struct Inspection {
     pub sensor_adc_v: f32,
 }
 
+impl Inspection {
+    /// A board whose parts are being set up.
+    pub const STARTING: Self = Self {
+        interlock_closed: false,
+        enable_high: false,
+        dac: Part::Starting,
+        monitor: Part::Starting,
+        sensor: Part::Starting,
+        monitor_adc_v: f32::NAN,
+        sensor_adc_v: f32::NAN,
+    };
+}
+
 /// How a part answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
