@@ -29,7 +29,7 @@ impl Cost {
     /// A linear film.
     pub const LINEAR: Self = Self::stated(527, 1830, 2960);
     /// A film behind an elastic curve.
-    pub const CURVED: Self = Self::stated(615, 1995, 3200);
+    pub const CURVED: Self = Self::stated(615, 2000, 3200);
 
     /// A film with two curves.
     pub const TWO_CURVES: Self = Self::stated(691, 2164, 3569);
