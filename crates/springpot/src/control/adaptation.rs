@@ -1,5 +1,7 @@
 //! Estimates how a film differs from the law that was fitted to it.
 
+mod numbers;
+
 use core::cmp::Ordering;
 
 use crate::control::adapted::{Adapted, Adapting, BOUNDS};
@@ -8,7 +10,6 @@ use crate::control::observer::{Observer, ObserverState};
 use crate::control::observer_options::ObserverOptions;
 use crate::control::path::{clamp, is_finite};
 use crate::law::{Law, LawState, Memory};
-use crate::numbers::Numbers;
 use crate::scalar::{Real, Scalar};
 
 /// Parameters that are estimated: [`SCALE`] to [`BIAS`].
@@ -48,6 +49,9 @@ const MAX_RATE: f64 = 2.0;
 const BLEND_S: f64 = 1.0;
 /// Share of what is expected of the parameters below which what is forgotten is out of use.
 const FORGOTTEN: f64 = 1e-3;
+/// Coefficients of the series of [`log_of_ratio`] and [`exp`].
+const LOGARITHM: [f64; 2] = [2.0 / 3.0, 0.4];
+const EXPONENTIAL: [f64; 2] = [1.0 / 16.0, 1.0 / 6.0];
 /// Changes at which a film has aged by 1: a tenth in stiffness, a quarter in its memory, half in its rates, a twentieth in their logarithms.
 const AGED: [f64; 4] = [0.095, 0.223, 0.405, 0.05];
 
@@ -162,27 +166,6 @@ impl<T: Real> Adaptation<T> {
         }
     }
 
-    /// Visits what it computes with.
-    pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
-        take.structure("adaptation", "How a film that changes is followed.");
-        take.count("first", u32::from(self.first), "the first mode that follows");
-        take.count("count", u32::from(self.count), "modes that follow");
-        for (name, value, about) in [
-            ("step", self.step, "s"),
-            ("lasting", self.lasting, "N/m"),
-            ("relaxing", self.relaxing, "N/m"),
-            ("share", self.share, ""),
-            ("stiffness", self.stiffness, "N/m"),
-            ("largest", self.largest, "N"),
-            ("ticks", self.ticks, "of a round"),
-            ("blend", self.blend, ""),
-            ("forgetting", self.forgetting, ""),
-            ("precision", self.precision, "1/N"),
-        ] {
-            take.number(name, value, about);
-        }
-    }
-
     /// `values`, of the bias in largest forces.
     #[inline]
     fn sized(&self, values: [f64; PARAMETERS]) -> [T; PARAMETERS] {
@@ -288,7 +271,8 @@ impl<T: Real> Adaptation<T> {
                 *change = *change - *used;
                 *used = T::ZERO;
             }
-            state.is_in_use = false;
+            // The next round leaves the stiffness of the film as its law has it.
+            state.is_in_use = state.stiffer.abs() > T::ZERO;
         }
         // The total force stays the same at this moment. The bias is a part of the disturbance. The force scale may be another one where
         // this begins.
@@ -428,15 +412,16 @@ impl<T: Real, P> AdaptationState<T, P> {
         self.adapting = adapting;
     }
 
-    /// Nothing is known of the film, at once; learning goes on.
+    /// Nothing is known of the film, at once; learning goes on. A round leaves the stiffness of the film as its law has it.
     pub(crate) fn reset<M: Memory<T, PerMode = P>>(&mut self) {
-        let adapting = self.adapting;
-        *self = Self { is_in_use: adapting != Adapting::Off, adapting, ..Self::as_fitted::<M>() };
+        *self = Self { is_in_use: self.is_in_use, adapting: self.adapting, ..Self::as_fitted::<M>() };
     }
 
     /// Uses what was learned before at once, and holds it; how sure that is begins anew.
     pub(crate) fn restore<M: Memory<T, PerMode = P>>(&mut self, adapted: &Adapted<T>) {
-        let scale = T::from_f64(libm::log(adapted.force_scale.to_f64()));
+        // Of the series, so that the force scale is the one that was learned.
+        let near = log_of_ratio(adapted.force_scale, T::from_f64(1.0));
+        let scale = near + log_of_ratio(adapted.force_scale, exp(near));
         let used = [scale, adapted.memory, adapted.rate, adapted.stretch, adapted.bias_n];
         *self = Self { estimates: used, used, is_in_use: true, adapting: Adapting::Hold, ..Self::as_fitted::<M>() };
     }
@@ -470,14 +455,16 @@ impl<T: Real, P> AdaptationState<T, P> {
 fn log_of_ratio<T: Real>(x: T, y: T) -> T {
     let part = (x - y) / (x + y);
     let square = part * part;
-    part * (T::from_f64(2.0) + square * (T::from_f64(2.0 / 3.0) + T::from_f64(0.4) * square))
+    let [third, fifth] = LOGARITHM.map(T::from_f64);
+    part * (T::from_f64(2.0) + square * (third + fifth * square))
 }
 
 /// e^x within 1e-4 for x of −2 to 2, in operations that are the same everywhere.
 fn exp<T: Real>(x: T) -> T {
-    let part = T::from_f64(1.0 / 16.0) * x;
+    let [share, sixth] = EXPONENTIAL.map(T::from_f64);
+    let part = share * x;
     let one = T::from_f64(1.0);
-    let mut power = one + part * (one + part * (T::from_f64(0.5) + part * T::from_f64(1.0 / 6.0)));
+    let mut power = one + part * (one + part * (T::from_f64(0.5) + part * sixth));
     for _ in 0..4 {
         power = power * power;
     }

@@ -7,6 +7,9 @@ use crate::scalar::Real;
 /// in largest forces.
 pub(crate) const BOUNDS: [f64; 5] = [1.386, 0.7, 1.1, 0.25, 1.0];
 
+/// Single precision may be beyond a bound by its rounding: by this factor.
+pub(crate) const ROUNDED: f64 = 1.0 + 1e-5;
+
 /// How [`Tracking`](crate::Tracking) follows a film that is no longer the one its law was fitted to: warmer, older, under another weight.
 ///
 /// With [`Learn`](Self::Learn), while a sensor shows the film, the law follows it, and without the sensor feedforward goes on with the law as it is then. In
@@ -127,8 +130,8 @@ impl<T: Real> Adapted<T> {
             ("uncertainty", size(self.uncertainty), f64::MAX),
             ("ageing", size(self.ageing), f64::MAX),
         ] {
-            // Single precision may be beyond a bound by its rounding; NaN is out of range.
-            let within = value.is_finite() && value <= most * (1.0 + 1e-5);
+            // NaN is out of range.
+            let within = value.is_finite() && value <= most * ROUNDED;
             if !within {
                 return Err(ControlError::OutOfRange { quantity, value, most });
             }

@@ -224,6 +224,36 @@ fn it_is_frozen_switched_off_and_forgotten() {
     assert_eq!(forgotten.adapting(), Adapting::Off);
 }
 
+/// A memory that was stiffer leaves no stiffness behind: neither switched off, nor forgotten while it goes out of use.
+#[test]
+fn a_law_as_fitted_has_its_stiffness() {
+    let stiffer =
+        Adapted { force_scale: 1.1, memory: 0.3, rate: 0.0, stretch: 0.0, bias_n: 0.0, uncertainty: 0.0, ageing: 0.0 };
+    for is_forgotten in [false, true] {
+        let tracking = tracking(Kind::Straight);
+        let law = tracking.observer().law();
+        let mut state = tracking.state(law.state());
+        let ticks = |state: &mut TrackingState<f32>, count| {
+            for _ in 0..count {
+                tracking.observe(state, Applied::as_commanded(2000.0), None);
+            }
+            law.force_for(state.observer().film(), 1.0) - state.observer().film().base_force()
+        };
+        state.restore(&stiffer).expect("sound");
+        assert!(ticks(&mut state, 100) > 1.01 * law.stiffness());
+        state.set_adapting(Adapting::Off);
+        if is_forgotten {
+            state.forget();
+        }
+        let stiffness = ticks(&mut state, 30_000);
+        assert!(
+            !state.is_adapted() && (stiffness / law.stiffness() - 1.0).abs() < 1e-6,
+            "{stiffness} for {}",
+            law.stiffness()
+        );
+    }
+}
+
 /// A new state that is given what was learned follows the film without any sensor as well as the state that learned it; what is no such number
 /// changes nothing.
 #[test]
