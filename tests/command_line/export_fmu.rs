@@ -10,7 +10,7 @@ use std::process::Command;
 use dea_driver::Blob;
 use host_sim::files::parameters::Parameters;
 use quick_xml::events::Event;
-use springpot::{Applied, Compensator, Feedforward, Follower, FollowerState, ObserverState, SensorSample};
+use springpot::{Adapting, Applied, Compensator, Feedforward, Follower, FollowerState, ObserverState, SensorSample};
 use tests::recordings;
 use tests::tool::{Bench, names, text};
 use zip::ZipArchive;
@@ -297,7 +297,7 @@ fn followed<C: Compensator<f32>>(
     (rows.collect(), added)
 }
 
-/// The same by the controller's code: observer, feedforward or tracking, with what is learned. The command was applied, or the
+/// The same by the controller's code: observer, feedforward, tracking or adaptive tracking, with what is learned. The command was applied, or the
 /// voltage that `is_given`. Returns the largest that was added to a reference as well, m.
 fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool, inputs: &[Input]) -> (Vec<Row>, f32) {
     let tracking = blob.follower();
@@ -334,7 +334,9 @@ fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool,
                 let observer = state.observer();
                 [observer.disturbance(), observer.force_scale(), is_lost(observer)]
             };
-            followed(tracking, tracking.state(law.state()), seen, is_given, inputs)
+            let mut state = tracking.state(law.state());
+            state.set_adapting(if mode == "adaptive" { Adapting::Learn } else { Adapting::Off });
+            followed(tracking, state, seen, is_given, inputs)
         }
     }
 }
@@ -359,6 +361,7 @@ fn controllers_have_the_bits_of_rust() {
                 ("fmu", 0) => &[
                     ("tracking", false),
                     ("tracking", true),
+                    ("adaptive", false),
                     ("feedforward", false),
                     ("feedforward", true),
                     ("observer", false),

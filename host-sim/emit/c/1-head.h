@@ -112,7 +112,7 @@
 #define SPRINGPOT_UNROLL
 #endif
 
-/* What films without a spring would pay for in every step if it were inlined. */
+/* What films without a spring, or that do not change, would pay for in every step if it were inlined. */
 #if defined(__GNUC__)
 #define SPRINGPOT_NOT_INLINED __attribute__((__noinline__, __unused__))
 #else
@@ -120,7 +120,7 @@
 #endif
 
 /* The version of the tables: a film must be of the same. */
-#define SPRINGPOT_FORMAT 2U
+#define SPRINGPOT_FORMAT 3U
 
 /* Sizes of a law's memory: exact increments, fast and slow decaying modes. */
 #define SPRINGPOT_HEAD 12U
@@ -133,6 +133,9 @@
 #define SPRINGPOT_PAST 64U
 /* Harmonics that are learned, beside the mean. */
 #define SPRINGPOT_HARMONICS 6U
+/* Parameters in which a film may differ from its law, and pairs of them. */
+#define SPRINGPOT_PARAMETERS 5U
+#define SPRINGPOT_ABOVE 10U
 /* There is no reading of a voltage monitor. */
 #define SPRINGPOT_NO_READING ((float)NAN)
 

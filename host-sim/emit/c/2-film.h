@@ -117,6 +117,37 @@ typedef struct {
     float min_share;
 } springpot_fade;
 
+/* How a film may differ from its law: force scale, memory, rate, stretch, then the bias in N. */
+typedef struct {
+    float expected;   /* standard deviation before a sensor has shown anything */
+    float bound;
+    float restored;   /* bound of what was learned before */
+    float forgetting; /* growth of its variance in a round, over it */
+    float aged;       /* 1 over the change at which the film has aged by 1; 0: none does */
+} springpot_parameter;
+
+/* How a film that changes is followed. */
+typedef struct {
+    uint32_t first;                                       /* the first mode that follows */
+    uint32_t count;                                       /* modes that follow */
+    float step;                                           /* s */
+    float lasting;                                        /* stiffness of what does not relax, N/m */
+    float relaxing;                                       /* within one step, N/m */
+    float share;                                          /* of what relaxes in the stiffness */
+    float stiffness;                                      /* at the observer's bandwidth, N/m */
+    float ticks;                                          /* of a round */
+    float blend;                                          /* share of an estimate that comes into use in a round */
+    float averaging;                                      /* of the bias, while the load stays */
+    float precision;                                      /* 1/N */
+    float excited;                                        /* N: smallest swing of the load that distinguishes parameters */
+    float plausible;
+    float wandering;                                      /* growth of the variance of the force scale in a round */
+    float forgotten;                                      /* share of what is expected that is out of use */
+    float logarithm[2];
+    float exponential[2];
+    springpot_parameter parameters[SPRINGPOT_PARAMETERS];
+} springpot_adaptation;
+
 /* Learning of periodic references. */
 typedef struct {
     float min_swing;              /* of a reference that counts, m */
@@ -171,6 +202,7 @@ typedef struct {
     springpot_inverse inverse;
     springpot_observer observer;
     springpot_fade fade;
+    springpot_adaptation adaptation;
     const springpot_curve *curve;         /* NULL: force follows x itself */
     const springpot_spring *spring;       /* NULL: no spring is beside the memory */
     const springpot_amplifier *amplifier; /* NULL: it follows at once */

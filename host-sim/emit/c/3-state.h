@@ -99,18 +99,40 @@ typedef struct {
     float share;
 } springpot_fade_state;
 
+/* How a film differs from its law. */
+typedef struct {
+    uint32_t is_in_use;  /* 1: the film is not, or need not stay, as its law has it */
+    uint32_t adapting;   /* SPRINGPOT_ADAPT_OFF, _HOLD or _LEARN */
+    uint32_t phase;      /* the tick of a round */
+    float stiffer;       /* share by which what relaxes is stiffer than the law has it */
+    float loss_before;   /* loss of the mode before in a step */
+    float log_before;    /* logarithm of its rate */
+    float sums[2];       /* forces of the slopes in this round: as they are, and times the logarithms, N */
+    float steps[2];      /* changes of rate and stretch in the last round */
+    uint32_t is_excited; /* 1: the load swings */
+    float ageing;
+    float estimates[SPRINGPOT_PARAMETERS];
+    float used[SPRINGPOT_PARAMETERS];     /* the part of them that is in use */
+    float forces[SPRINGPOT_PARAMETERS];   /* by which they act, N */
+    float diagonal[SPRINGPOT_PARAMETERS]; /* the covariance of the estimates as U D U': D, and the columns of U above its diagonal */
+    float upper[SPRINGPOT_ABOVE];
+    float slopes[SPRINGPOT_FAST + SPRINGPOT_SLOW]; /* derivatives of the modes' extensions by the logarithms of their rates, m */
+} springpot_adaptation_state;
+
 typedef struct {
     springpot_observer_state observer;
     springpot_inverse_state inverse;
     springpot_fade_state fade;
     float most; /* the share of the correction that is left to the observer where cycles are learned */
+    uint32_t limited; /* limits that the last command met */
+    springpot_adaptation_state adaptation;
 } springpot_tracking_state;
 
 /* Sizes on every target: nothing is padded. */
 SPRINGPOT_ASSERT(sizeof(springpot_state) == 408U, a_state_of_a_law_takes_408_bytes);
 SPRINGPOT_ASSERT(sizeof(springpot_feedforward_state) == 456U, a_state_of_feedforward_takes_456_bytes);
 SPRINGPOT_ASSERT(sizeof(springpot_observer_state) == 744U, a_state_of_an_observer_takes_744_bytes);
-SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 820U, a_state_of_tracking_takes_820_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 1136U, a_state_of_tracking_takes_1136_bytes);
 
 /* ---- Inputs and outputs. */
 
@@ -129,6 +151,22 @@ typedef struct {
 #define SPRINGPOT_ACCELERATION 32U  /* the largest acceleration of the shaped reference */
 #define SPRINGPOT_BEYOND_CURVE 64U  /* the film is beyond the stroke that its curve was measured over */
 #define SPRINGPOT_AMPLIFIER 128U    /* what the amplifier can follow */
+
+/* How tracking follows a film that changes. */
+#define SPRINGPOT_ADAPT_OFF 0U   /* the law is as it was fitted; what was learned goes out of use within some seconds */
+#define SPRINGPOT_ADAPT_HOLD 1U  /* nothing is learned, and what was learned stays in use */
+#define SPRINGPOT_ADAPT_LEARN 2U /* the law follows its film */
+
+/* How a film differs from its law, as far as it is in use. */
+typedef struct {
+    float force_scale; /* effect of the electrostatic force over the model's: below 1 for a film that has become stiffer */
+    float uncertainty; /* standard deviation of the force scale, over it */
+    float memory;      /* logarithm of what relaxes over what the law has */
+    float rate;        /* logarithm of the factor of the relaxation rates */
+    float stretch;     /* orders of springpots are those of the law over 1 + stretch */
+    float bias_n;      /* constant force that is kept without a sensor, N */
+    float ageing;      /* how far the film has moved from its law: fit again from 1 on */
+} springpot_adapted;
 
 /* The command of a tick. */
 typedef struct {

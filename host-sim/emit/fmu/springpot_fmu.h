@@ -21,7 +21,7 @@ enum { FMU_REAL, FMU_WHOLE, FMU_FLAG, FMU_CHOICE };
 SPRINGPOT_FILM(FMU_FILM);
 
 /* Values of the parameter `mode`. */
-enum { FMU_PLANT = 1, FMU_OBSERVER = 2, FMU_FEEDFORWARD = 3, FMU_TRACKING = 4 };
+enum { FMU_PLANT = 1, FMU_OBSERVER = 2, FMU_FEEDFORWARD = 3, FMU_TRACKING = 4, FMU_ADAPTIVE = 5 };
 
 /* Phases of the life cycle. */
 enum { FMU_INSTANTIATED, FMU_INITIALISING, FMU_STEPPING, FMU_TERMINATED };
@@ -90,7 +90,8 @@ static fmu_result fmu_begin(fmu_state *state)
 {
     /* By the mode, from 1. */
     static const uint32_t kinds[] = {
-        0U, SPRINGPOT_TICK_FILM, SPRINGPOT_TICK_OBSERVER, SPRINGPOT_TICK_FEEDFORWARD, SPRINGPOT_TICK_TRACKING};
+        0U, SPRINGPOT_TICK_FILM, SPRINGPOT_TICK_OBSERVER, SPRINGPOT_TICK_FEEDFORWARD, SPRINGPOT_TICK_TRACKING,
+        SPRINGPOT_TICK_ADAPTIVE};
 
     if (state->phase != FMU_INITIALISING) {
         return fmu_error("initialisation has not begun");
@@ -177,8 +178,8 @@ static fmu_result fmu_get_whole(const fmu_state *state, uint32_t variable, int t
 static fmu_result fmu_set_whole(fmu_state *state, uint32_t variable, int type, int64_t value)
 {
     fmu_result result = fmu_settable(state, variable, type);
-    if ((result.status == FMU_OK) && (variable == FMU_MODE) && ((value < FMU_PLANT) || (value > FMU_TRACKING))) {
-        result = fmu_error("mode is 1 (plant), 2 (observer), 3 (feedforward) or 4 (tracking)");
+    if ((result.status == FMU_OK) && (variable == FMU_MODE) && ((value < FMU_PLANT) || (value > FMU_ADAPTIVE))) {
+        result = fmu_error("mode is 1 (plant), 2 (observer), 3 (feedforward), 4 (tracking) or 5 (adaptive)");
     }
     if ((result.status == FMU_OK) && (variable == FMU_SAMPLE_AGE) && ((value < 0) || (value >= (int64_t)SPRINGPOT_PAST))) {
         result = fmu_error("sample_age is 0 to 63 ticks");

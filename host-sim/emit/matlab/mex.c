@@ -21,6 +21,7 @@
  *   'feedforward'   reference_m                        applied_v, reading_v
  *   'observer'      voltage_v                          sample_m, age_ticks
  *   'tracking'      reference_m                        sample_m, age_ticks, applied_v, reading_v
+ *   'adaptive'      the same: the law follows a film that changes
  *
  * A voltage above max_voltage_v acts as max_voltage_v, and `limited` has the bit 2.
  *
@@ -63,6 +64,7 @@ static const mode modes[SPRINGPOT_TICK_KINDS] = {
     {"feedforward", SPRINGPOT_TICK_FEEDFORWARD, {"reference_m", NULL, NULL, "applied_v", "reading_v"}},
     {"observer", SPRINGPOT_TICK_OBSERVER, {"voltage_v", "sample_m", "age_ticks", NULL, NULL}},
     {"tracking", SPRINGPOT_TICK_TRACKING, {"reference_m", "sample_m", "age_ticks", "applied_v", "reading_v"}},
+    {"adaptive", SPRINGPOT_TICK_ADAPTIVE, {"reference_m", "sample_m", "age_ticks", "applied_v", "reading_v"}},
 };
 
 /* A state as the caller keeps it: refused by another film, another mode or another version. */
@@ -99,6 +101,7 @@ static uint32_t fingerprint(const springpot_film *film)
         hash = mixed(hash, film->spring, sizeof *film->spring);
     }
     hash = mixed(hash, &film->fade, sizeof film->fade);
+    hash = mixed(hash, &film->adaptation, sizeof film->adaptation);
     if (film->amplifier != NULL) {
         hash = mixed(hash, film->amplifier, sizeof *film->amplifier);
     }
@@ -140,7 +143,7 @@ static const mode *mode_of(const mxArray *argument)
             return &modes[i];
         }
     }
-    mexErrMsgIdAndTxt(REFUSED, "mode: it is 'displacement', 'force', 'film', 'feedforward', 'observer' or 'tracking'");
+    mexErrMsgIdAndTxt(REFUSED, "mode: it is 'displacement', 'force', 'film', 'feedforward', 'observer', 'tracking' or 'adaptive'");
     return NULL;
 }
 
@@ -215,7 +218,7 @@ static float value_at(const column *from, size_t k, float otherwise)
 /* A tick's input. What the laws would keep for good is refused: all is read before the first step. */
 static springpot_tick_input input_at(const column *columns, const mode *of, size_t k)
 {
-    const bool is_reference = (of->kind == SPRINGPOT_TICK_FEEDFORWARD) || (of->kind == SPRINGPOT_TICK_TRACKING);
+    const bool is_reference = springpot_tick_controls(of->kind);
     const float none = SPRINGPOT_NO_READING;
     springpot_tick_input in;
     float age;
@@ -283,7 +286,7 @@ void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[])
     } else {
         now.mark = MARK;
         now.film = fingerprint(&@SYMBOL@);
-        springpot_tick_init(&@SYMBOL@, &now.state, of->kind, of->kind == SPRINGPOT_TICK_TRACKING);
+        springpot_tick_init(&@SYMBOL@, &now.state, of->kind, of->kind >= SPRINGPOT_TICK_TRACKING);
     }
     for (k = 0U; k < ticks; k++) {
         (void)input_at(columns, of, k);

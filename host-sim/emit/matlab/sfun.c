@@ -14,8 +14,9 @@
  *   4 feedforward   reference (m), applied voltage (V)     the command
  *   5 observer      voltage (V), sample (m)                the voltage
  *   6 tracking      reference (m), sample (m), applied (V) the command
+ *   7 adaptive      the same: the law follows a film that changes
  *
- * Outputs in every mode: displacement (m; of 5 and 6 the estimate), voltage (V), force (N), and the limits that were met, as a sum of the
+ * Outputs in every mode: displacement (m; of 5 to 7 the estimate), voltage (V), force (N), and the limits that were met, as a sum of the
  * bits that springpot.h names. All are scalars of double, computed in single precision.
  *
  * sample: NaN in a tick without one. age (ticks, 0 to 63): how old samples are when they arrive; without effect in other modes.
@@ -59,7 +60,7 @@ typedef struct {
 } ports;
 
 static const ports ports_of[SPRINGPOT_TICK_KINDS] = {
-    {NO_PORT, NO_PORT, 1}, {NO_PORT, NO_PORT, 1}, {NO_PORT, NO_PORT, 1}, {NO_PORT, 1, 2}, {1, NO_PORT, 2}, {1, 2, 3}};
+    {NO_PORT, NO_PORT, 1}, {NO_PORT, NO_PORT, 1}, {NO_PORT, NO_PORT, 1}, {NO_PORT, 1, 2}, {1, NO_PORT, 2}, {1, 2, 3}, {1, 2, 3}};
 
 /* A whole number from `low` to `high` in a dialog parameter, or -1. */
 static int_T whole(SimStruct *S, int_T parameter, int_T low, int_T high)
@@ -85,7 +86,7 @@ static uint32_t mode_of(SimStruct *S)
 static void mdlCheckParameters(SimStruct *S)
 {
     if (whole(S, MODE, 1, (int_T)SPRINGPOT_TICK_KINDS) < 0) {
-        ssSetErrorStatus(S, "@NAME@_sfun: the mode, the first parameter, must be a whole number from 1 to 6");
+        ssSetErrorStatus(S, "@NAME@_sfun: the mode, the first parameter, must be a whole number from 1 to 7");
     } else if (whole(S, AGE, 0, (int_T)SPRINGPOT_PAST - 1) < 0) {
         ssSetErrorStatus(S, "@NAME@_sfun: the age of samples, the second parameter, must be a whole number from 0 to 63");
     } else {
@@ -167,7 +168,7 @@ static void mdlInitializeSampleTimes(SimStruct *S)
 static void mdlInitializeConditions(SimStruct *S)
 {
     springpot_tick_state state;
-    springpot_tick_init(&@SYMBOL@, &state, mode_of(S), mode_of(S) == SPRINGPOT_TICK_TRACKING);
+    springpot_tick_init(&@SYMBOL@, &state, mode_of(S), mode_of(S) >= SPRINGPOT_TICK_TRACKING);
     memcpy(ssGetDWork(S, KEPT), &state, sizeof state);
     memcpy(ssGetDWork(S, NEXT), &state, sizeof state);
 }
@@ -190,7 +191,7 @@ static void mdlOutputs(SimStruct *S, int_T tid)
     for (k = 0; k < has->count; k++) {
         const float value = input_at(S, k);
         /* NaN is missing; a reference that is missing leaves the last one in force. A film would keep it for good. */
-        const bool may_miss = (k > 0) || (state.kind == SPRINGPOT_TICK_FEEDFORWARD) || (state.kind == SPRINGPOT_TICK_TRACKING);
+        const bool may_miss = (k > 0) || springpot_tick_controls(state.kind);
         if (!springpot_is_finite(value) && !(may_miss && (value != value))) {
             ssSetErrorStatus(S, (k == 0) ? "@NAME@_sfun: the first input is not finite in single precision"
                                          : "@NAME@_sfun: a sample or an applied voltage is infinite in single precision");

@@ -20,7 +20,8 @@
 #define SPRINGPOT_TICK_FEEDFORWARD 4U  /* u is the reference, m */
 #define SPRINGPOT_TICK_OBSERVER 5U     /* u is the voltage on the film since the last tick, V */
 #define SPRINGPOT_TICK_TRACKING 6U     /* u is the reference, m */
-#define SPRINGPOT_TICK_KINDS 6U
+#define SPRINGPOT_TICK_ADAPTIVE 7U     /* the same, of a film that changes: the law follows it */
+#define SPRINGPOT_TICK_KINDS 7U
 
 /* Inputs of a tick; NaN: missing. */
 typedef struct {
@@ -54,7 +55,13 @@ typedef struct {
 } springpot_tick_state;
 
 /* States are stored and compared as words: nothing is padded. */
-SPRINGPOT_ASSERT(sizeof(springpot_tick_state) == 2288U, a_state_of_a_tick_takes_2288_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_tick_state) == 2604U, a_state_of_a_tick_takes_2604_bytes);
+
+/* Whether a mode is a law of control, whose voltage is a command. */
+static inline bool springpot_tick_controls(uint32_t kind)
+{
+    return (kind == SPRINGPOT_TICK_FEEDFORWARD) || (kind >= SPRINGPOT_TICK_TRACKING);
+}
 
 /* Sets all of `state` to a film at rest at x = 0 and 0 V. `kind` is one of SPRINGPOT_TICK_DISPLACEMENT and its siblings. `learns`:
  * feedforward and tracking learn cycles, where the film's file says so. */
@@ -63,8 +70,10 @@ static inline void springpot_tick_init(const springpot_film *film, springpot_tic
     /* What the mode does not use as well: states are kept as bytes. */
     (void)memset(state, 0, sizeof *state);
     state->kind = kind;
-    if ((kind == SPRINGPOT_TICK_FEEDFORWARD) || (kind == SPRINGPOT_TICK_TRACKING)) {
-        springpot_follower_init(film, &state->of.follower, kind == SPRINGPOT_TICK_TRACKING, learns);
+    if (springpot_tick_controls(kind)) {
+        springpot_follower_init(film, &state->of.follower, kind != SPRINGPOT_TICK_FEEDFORWARD, learns);
+        springpot_follower_set_adapting(
+            &state->of.follower, (kind == SPRINGPOT_TICK_ADAPTIVE) ? SPRINGPOT_ADAPT_LEARN : SPRINGPOT_ADAPT_OFF);
     } else if (kind == SPRINGPOT_TICK_OBSERVER) {
         springpot_observer_init(film, &state->of.observer);
     } else {
@@ -101,7 +110,7 @@ static inline springpot_tick_output springpot_tick(
         out.voltage = in->u;
         out.force = observer->load.force + (observer->load.slope * out.displacement);
         out.limited = springpot_beyond_curve(&observer->film) ? SPRINGPOT_BEYOND_CURVE : 0U;
-    } else if ((state->kind == SPRINGPOT_TICK_FEEDFORWARD) || (state->kind == SPRINGPOT_TICK_TRACKING)) {
+    } else if (springpot_tick_controls(state->kind)) {
         springpot_follower_state *follower = &state->of.follower;
         const float applied = springpot_is_finite(in->applied) ? in->applied : state->commanded;
         springpot_command command;

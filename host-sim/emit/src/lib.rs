@@ -26,7 +26,7 @@ pub use film::{Film, declarations, film};
 pub use symbol::symbol;
 
 /// The version of the tables, which header and film must share: `SPRINGPOT_FORMAT` in C.
-pub const FORMAT: u32 = 2;
+pub const FORMAT: u32 = 3;
 
 /// `springpot.h`: the same for every film.
 pub const HEADER: &str = concat!(
@@ -35,10 +35,11 @@ pub const HEADER: &str = concat!(
     include_str!("../c/3-state.h"),
     include_str!("../c/4-law.h"),
     include_str!("../c/5-inverse.h"),
-    include_str!("../c/6-control.h"),
-    include_str!("../c/7-cycles.h"),
-    include_str!("../c/8-learning.h"),
-    include_str!("../c/9-follower.h"),
+    include_str!("../c/6-adaptation.h"),
+    include_str!("../c/7-control.h"),
+    include_str!("../c/8-cycles.h"),
+    include_str!("../c/9-learning.h"),
+    include_str!("../c/10-follower.h"),
 );
 
 /// `springpot_tick.h`: the tick of a film or of a law of control, which MATLAB, Simulink and FMUs step; the same for every film.

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use springpot::{Learning, Numbers, Record, Tracking};
 
 /// Structures within `springpot_film`, in their order.
-const WITHIN: [&str; 4] = ["drive", "inverse", "observer", "fade"];
+const WITHIN: [&str; 5] = ["drive", "inverse", "observer", "fade", "adaptation"];
 /// Structures that `springpot_film` points to, and what a null pointer means.
 const BESIDE: [(&str, &str); 4] = [
     ("curve", "NULL: force follows x itself"),
@@ -42,6 +42,7 @@ impl Table {
     pub(crate) fn new(tracking: &Tracking<f32>, learning: Option<&Learning<f32>>) -> Self {
         let mut table = Self::default();
         tracking.numbers(&mut table);
+        tracking.numbers_of_changes(&mut table);
         if let Some(learning) = learning {
             learning.numbers(&mut table);
         }

@@ -55,11 +55,12 @@ pub(super) struct Variable {
 }
 
 /// Modes by their values, from 1.
-pub(super) const MODES: [(&str, &str); 4] = [
+pub(super) const MODES: [(&str, &str); 5] = [
     ("plant", "the film: voltage to displacement"),
     ("observer", "an estimate of a film from voltage and samples of its displacement"),
     ("feedforward", "a voltage for a reference, without a sensor"),
     ("tracking", "a voltage for a reference, with a sensor"),
+    ("adaptive", "tracking whose law follows a film that changes"),
 ];
 
 const METRES: Kind = real("m", Some("mm"), "0");

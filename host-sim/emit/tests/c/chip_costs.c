@@ -205,6 +205,10 @@ static void run(uint32_t number)
     voltage = 0.0F;
     springpot_tracking_init(film, &tracking);
     ticks("tracking", number, film, tracking_tick);
+    voltage = 0.0F;
+    springpot_tracking_init(film, &tracking);
+    springpot_tracking_set_adapting(&tracking, SPRINGPOT_ADAPT_LEARN);
+    ticks("adaptive", number, film, tracking_tick);
     if (film->learning != NULL) {
         springpot_learning_init(film, &learning, 0.0F);
         since = 0U;

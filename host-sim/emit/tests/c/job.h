@@ -26,16 +26,45 @@ static uint32_t job_bits(float value)
     return bits;
 }
 
-static void job_row(float o0, float o1, float o2, float o3, float o4, uint32_t o5)
+static void job_row(float o0, float o1, float o2, float o3, uint32_t o4, uint32_t o5)
 {
     uint32_t row[JOB_OUTPUTS];
     row[0] = job_bits(o0);
     row[1] = job_bits(o1);
     row[2] = job_bits(o2);
     row[3] = job_bits(o3);
-    row[4] = job_bits(o4);
+    row[4] = o4;
     row[5] = o5;
     job_write(row, (uint32_t)sizeof row);
+}
+
+/* All but the ageing, and the share of the correction. */
+static uint32_t job_adapted(const springpot_adapted *adapted, float share)
+{
+    return job_bits(share) ^ job_bits(adapted->force_scale) ^ job_bits(adapted->uncertainty) ^ job_bits(adapted->memory)
+        ^ job_bits(adapted->rate) ^ job_bits(adapted->stretch) ^ job_bits(adapted->bias_n);
+}
+
+static void job_adapt(const springpot_film *film, springpot_follower_state *follower, const job_input *in)
+{
+    if ((in->flags & 512U) != 0U) {
+        springpot_follower_set_adapting(follower, SPRINGPOT_ADAPT_LEARN);
+    }
+    if ((in->flags & 1024U) != 0U) {
+        springpot_follower_set_adapting(follower, SPRINGPOT_ADAPT_HOLD);
+    }
+    if ((in->flags & 2048U) != 0U) {
+        springpot_follower_set_adapting(follower, SPRINGPOT_ADAPT_OFF);
+    }
+    if ((in->flags & 4096U) != 0U) {
+        springpot_adapted adapted = {0.0F, 0.0F, 0.1F, -0.4F, 0.0F, 0.02F, 0.0F};
+        adapted.force_scale = 0.9F * in->b;
+        adapted.stretch = 220.0F * in->a;
+        (void)springpot_follower_restore(film, follower, &adapted);
+    }
+    if ((in->flags & 8192U) != 0U) {
+        springpot_follower_forget_changes(follower);
+    }
 }
 
 static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
@@ -73,18 +102,18 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
             if (in.flags != 0U) {
                 held = springpot_force(film, &law, x);
             }
-            job_row(x, law.base, law.increment, to, held, springpot_beyond_curve(&law) ? 1U : 0U);
+            job_row(x, law.base, law.increment, to, job_bits(held), springpot_beyond_curve(&law) ? 1U : 0U);
         } else if (kind == 1U) {
             const float to = springpot_force_to(film, &law, in.b);
             const float force = springpot_force(film, &law, in.a);
             if (in.flags != 0U) {
                 springpot_move_origin(&law, in.b);
             }
-            job_row(force, law.base, law.increment, to, law.position, springpot_beyond_curve(&law) ? 1U : 0U);
+            job_row(force, law.base, law.increment, to, job_bits(law.position), springpot_beyond_curve(&law) ? 1U : 0U);
         } else if (kind == 3U) {
             const float x = springpot_observer_observe(film, &observer, in.a, arrived);
             job_row(x, observer.disturbance, observer.force_scale, observer.innovation_mean,
-                observer.innovation_variance, observer.since_sample);
+                job_bits(observer.innovation_variance), observer.since_sample);
         } else {
             const float applied = commanded * put_out;
             const bool stands_by = (in.flags & 2U) != 0U;
@@ -105,16 +134,18 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
             if ((in.flags & (128U | 256U)) != 0U) {
                 springpot_follower_set_feedback(&follower, (in.flags & 256U) != 0U);
             }
+            job_adapt(film, &follower, &in);
             x = springpot_follower_observe(film, &follower, applied, in.b * applied, arrived);
             command = stands_by ? springpot_follower_standby(film, &follower) : springpot_follower_command(film, &follower, in.a);
             commanded = command.voltage;
             if (follower.has_sensor != 0U) {
                 const springpot_observer_state *corrected = &follower.of.tracking.observer;
-                job_row(x, command.voltage, springpot_follower_added(&follower), corrected->disturbance, corrected->share,
-                    command.limited);
+                const springpot_adapted adapted = springpot_follower_adapted(film, &follower);
+                job_row(x, command.voltage, (kind == 5U) ? springpot_follower_added(&follower) : adapted.ageing,
+                    corrected->disturbance, job_adapted(&adapted, corrected->share), command.limited);
             } else {
                 job_row(x, command.voltage, command.reference, command.force,
-                    springpot_film_voltage(&follower.of.feedforward.inverse), command.limited);
+                    job_bits(springpot_film_voltage(&follower.of.feedforward.inverse)), command.limited);
             }
         }
     }

@@ -23,7 +23,7 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 STEP_S = 1e-3
-MODES = {"plant": 1, "observer": 2, "feedforward": 3, "tracking": 4}
+MODES = {"plant": 1, "observer": 2, "feedforward": 3, "tracking": 4, "adaptive": 5}
 REALS_IN = ["voltage", "reference", "sample", "reading"]
 FLAGS_IN = ["sample_taken", "reading_taken"]
 REALS_OUT = ["displacement", "force", "command", "shaped_reference", "disturbance", "force_scale"]
@@ -176,7 +176,7 @@ def check_steps(folder, description):
     assert first[4] != 0.0, "the sample counts"
     each.end()
     both.end()
-    for mode in [3, 4]:
+    for mode in [3, 4, 5]:
         controller = Instance(folder, description, mode=mode, reference=1e-3).begun()
         for ticks in [2, 10]:
             with refused(f"a controller's step of {ticks} ticks"):
@@ -255,7 +255,7 @@ def check_refusals(folder, description, learns, other_path):
     for value in [float("nan"), float("inf"), 1e39]:
         with refused(f"{value} V"):
             film.set_reals(["voltage"], [value])
-    for name, value in [("mode", 0), ("mode", 5), ("sample_age", 64), ("sample_age", -1), ("displacement", 1.0), ("limits", 1)]:
+    for name, value in [("mode", 0), ("mode", 6), ("sample_age", 64), ("sample_age", -1), ("displacement", 1.0), ("limits", 1)]:
         with refused(f"{name} = {value}"):
             film.set(**{name: value})
     with refused("a real of a flag"):

@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 use springpot::SensorSample;
 
 use crate::films::{self, Case};
-use crate::job::{self, Input, Kind};
+use crate::job::{self, FORGET_CHANGES, HOLD, Input, Kind, LEARN, OFF, RESTORE};
 use crate::program::{STRICT, Sources};
 use crate::recordings::recordings;
 
@@ -61,8 +61,17 @@ pub fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
                 },
                 age_ticks: if k % 9000 == 23 { 64 } else { 10 },
             });
-            let order = u32::from(k == steps / 2) + 2 * u32::from(k == steps * 2 / 3);
             let follows = matches!(kind, Kind::Feedforward | Kind::Tracking | Kind::Learning);
+            let order = match k {
+                _ if k == steps / 2 => 1,
+                _ if k == steps * 2 / 3 => 2,
+                _ if !follows => 0,
+                // The law follows its film from here on.
+                _ if k == steps / 4 || k == steps / 2 + 1 => LEARN,
+                _ if k == steps * 7 / 10 => RESTORE,
+                _ if k == steps * 11 / 12 => OFF,
+                _ => 0,
+            };
             // Now and then less than the command is put out.
             let halved = follows && (k % 20_000).abs_diff(1_100) < 5;
             let unknown = halved && k % 5 == 2;
@@ -103,6 +112,9 @@ pub fn all_kinds(run: impl Fn(&[u8]) -> Vec<u8>, (index, case): (usize, &Case), 
         if matches!(kind, Kind::Feedforward | Kind::Tracking | Kind::Learning) {
             shown.limits |= rows.iter().fold(0, |all, row| all | row[5]);
         }
+        if kind == Kind::Tracking {
+            shown.aged += rows.iter().filter(|row| f32::from_bits(row[2]) > 0.05).count();
+        }
         if kind == Kind::Learning {
             shown.learned += rows.iter().filter(|row| f32::from_bits(row[2]) != 0.0).count();
         }
@@ -115,6 +127,8 @@ pub fn all_kinds(run: impl Fn(&[u8]) -> Vec<u8>, (index, case): (usize, &Case), 
 pub struct Shown {
     limits: u32,
     learned: usize,
+    /// Ticks of a law that has followed its film.
+    aged: usize,
 }
 
 /// Three recordings of 155 s, forwards, backwards and under each law of control: the bits of every step.
@@ -123,18 +137,20 @@ fn three_recordings_have_the_bits_of_rust() {
     let cases = [films::plain(), films::rich(), films::periodic(), films::richest()];
     let sources = Sources::new(&cases);
     let program = sources.compile("gcc", &[STRICT.as_slice(), &["-O2"]].concat(), &["host.c"]);
-    let (mut limits, mut learned) = (0, [0; 4]);
+    let (mut limits, mut learned, mut aged) = (0, [0; 4], [0; 4]);
     for path in recordings("hossain") {
         let recorded = recorded(&path, 155);
         for (index, case) in cases.iter().enumerate() {
             let shown = all_kinds(|job| sources.run(&mut Command::new(&program), job), (index, case), &recorded);
             limits |= shown.limits;
             learned[index] += shown.learned;
+            aged[index] += shown.aged;
         }
     }
     assert_eq!(limits, 0xff, "all limits were met somewhere");
     let [plain, found, given, _] = learned;
     assert!(plain == 0 && found > 20_000 && given > 20_000, "ticks with something learned: {learned:?}");
+    assert!(aged.iter().all(|&ticks| ticks > 100_000), "ticks with a law that has followed its film: {aged:?}");
 }
 
 /// Cycles of 0.5 s with whatever can happen between ticks: limits, stretches without a sensor, values that are not finite, all orders at any
@@ -156,7 +172,8 @@ fn with_orders(ticks: usize) -> Vec<Input> {
                 displacement_m: if is_wrong { f32::NAN } else { 1.03 * reference + noise },
                 age_ticks: if is_old { random.random_range(50..80) } else { random.random_range(0..15) },
             });
-            let orders = [1, 16, 16, 32, 32, 64, 128, 256];
+            let orders =
+                [1, 16, 16, 32, 32, 64, 128, 256, LEARN, LEARN, HOLD, OFF, OFF, RESTORE, RESTORE, FORGET_CHANGES];
             let order = orders.get(random.random_range(0..8000)).copied().unwrap_or(0);
             Input {
                 a: if is_nan || k == 0 { f32::NAN } else { reference },

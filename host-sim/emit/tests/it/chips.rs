@@ -159,7 +159,8 @@ fn measured(chip: &Chip, films: &[(Film, Case)], sources: &Sources) -> [BTreeMap
     })
 }
 
-const WHAT: [&str; 7] = ["creep", "relaxation", "voltage", "feedforward", "observer", "tracking", "learning"];
+const WHAT: [&str; 8] =
+    ["creep", "relaxation", "voltage", "feedforward", "observer", "tracking", "adaptive", "learning"];
 
 /// Checksums of the Rust program on this host.
 #[derive(Default)]

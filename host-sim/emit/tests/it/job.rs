@@ -1,6 +1,8 @@
 //! Jobs: a law or a law of control along given inputs, in Rust and for the C of `tests/c/job.h`.
 
-use springpot::{Applied, Compensator, Follower, FollowerState, SensorSample, VoltageCommand};
+use springpot::{
+    Adapted, Adapting, Applied, Compensator, Follower, FollowerState, SensorSample, Tracking, VoltageCommand,
+};
 
 use crate::films::Case;
 
@@ -29,6 +31,13 @@ pub struct Input {
     pub sample: Option<SensorSample<f32>>,
     pub flags: u32,
 }
+
+/// Orders about a film that changes: flags beside those of [`follow`].
+pub const LEARN: u32 = 512;
+pub const HOLD: u32 = 1024;
+pub const OFF: u32 = 2048;
+pub const RESTORE: u32 = 4096;
+pub const FORGET_CHANGES: u32 = 8192;
 
 /// The output of a step: five numbers by their bits, and flags or a count.
 pub type Row = [u32; 6];
@@ -98,10 +107,19 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
             .collect(),
         Kind::Feedforward => {
             let follower = Follower::new(feedforward.clone());
-            follow(&follower, state, inputs, |state, x, command| {
-                let behind = state.compensator().film_voltage();
-                row([x, command.voltage_v, command.reference_m, command.force_n, behind], command.limited.bits().into())
-            })
+            follow(
+                &follower,
+                state,
+                inputs,
+                |_, _| (),
+                |state, x, command| {
+                    let behind = state.compensator().film_voltage();
+                    row(
+                        [x, command.voltage_v, command.reference_m, command.force_n, behind],
+                        command.limited.bits().into(),
+                    )
+                },
+            )
         }
         Kind::Observer => {
             let observer = tracking.observer();
@@ -123,12 +141,41 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
                 Some(learning) if kind == Kind::Learning => follower.with_learning(*learning),
                 _ => follower,
             };
-            follow(&follower, state, inputs, |state, x, command| {
+            follow(&follower, state, inputs, adapt, |state, x, command| {
                 let observer = state.observer();
-                let numbers = [x, command.voltage_v, state.added(), observer.disturbance(), observer.share()];
+                let adapted = state.compensator().adapted();
+                let Adapted { force_scale, uncertainty, memory, rate, stretch, bias_n, ageing } = adapted;
+                let seen = [observer.share(), force_scale, uncertainty, memory, rate, stretch, bias_n];
+                let seen = seen.iter().fold(0, |all, number| all ^ number.to_bits());
+                let third = if kind == Kind::Learning { state.added() } else { ageing };
+                let numbers = [x, command.voltage_v, third, observer.disturbance(), f32::from_bits(seen)];
                 row(numbers, command.limited.bits().into())
             })
         }
+    }
+}
+
+/// An order about a film that changes.
+fn adapt(state: &mut FollowerState<f32, Tracking<f32>>, input: &Input) {
+    match input.flags & !14 {
+        LEARN => state.set_adapting(Adapting::Learn),
+        HOLD => state.set_adapting(Adapting::Hold),
+        OFF => state.set_adapting(Adapting::Off),
+        RESTORE => {
+            let adapted = Adapted {
+                force_scale: 0.9 * input.b,
+                uncertainty: 0.0,
+                memory: 0.1,
+                rate: -0.4,
+                stretch: 220.0 * input.a,
+                bias_n: 0.02,
+                ageing: 0.0,
+            };
+            // Refused without a reading, and of a reference beyond a bound.
+            let _ = state.restore(&adapted);
+        }
+        FORGET_CHANGES => state.forget_changes(),
+        _ => {}
     }
 }
 
@@ -137,6 +184,7 @@ fn follow<C: Compensator<f32>>(
     follower: &Follower<f32, C>,
     film: C::Film,
     inputs: &[Input],
+    adapt: impl Fn(&mut FollowerState<f32, C>, &Input),
     row: impl Fn(&FollowerState<f32, C>, f32, &VoltageCommand<f32>) -> Row,
 ) -> Vec<Row> {
     let mut state = follower.state(film);
@@ -152,6 +200,7 @@ fn follow<C: Compensator<f32>>(
             64 => state.forget_cycles(),
             128 => state.set_feedback(false),
             256 => state.set_feedback(true),
+            LEARN | HOLD | OFF | RESTORE | FORGET_CHANGES => adapt(&mut state, input),
             other => panic!("{other} is no order"),
         }
         let applied = commanded * put_out(input);

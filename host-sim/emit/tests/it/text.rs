@@ -29,6 +29,7 @@ fn every_number_is_written_to_its_last_bit() {
     for case in [plain(), rich(), richest()] {
         let mut listed = Listed::default();
         case.tracking.numbers(&mut listed);
+        case.tracking.numbers_of_changes(&mut listed);
         if let Some(learning) = &case.learning {
             learning.numbers(&mut listed);
         }

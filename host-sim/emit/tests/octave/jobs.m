@@ -1,6 +1,7 @@
 % Steps the films of jobs.txt: lines of a MEX function, a mode, a file of inputs and a file for outputs. Numbers are single precision.
 inputs = struct('displacement', 'force_n', 'force', 'displacement_m', 'film', 'voltage_v', ...
-  'feedforward', 'reference_m', 'observer', 'voltage_v', 'tracking', 'reference_m');
+  'feedforward', 'reference_m', 'observer', 'voltage_v', 'tracking', 'reference_m', ...
+  'adaptive', 'reference_m');
 jobs = strsplit(strtrim(fileread('jobs.txt')), char(10));
 for k = 1:numel(jobs)
   words = strsplit(jobs{k}, ' ');
@@ -9,11 +10,11 @@ for k = 1:numel(jobs)
   rows = fread(file, [5 Inf], 'single=>single')';
   fclose(file);
   given = struct(inputs.(mode), rows(:, 1));
-  if any(strcmp(mode, {'observer', 'tracking'}))
+  if any(strcmp(mode, {'observer', 'tracking', 'adaptive'}))
     given.sample_m = rows(:, 2);
     given.age_ticks = 10;
   end
-  if any(strcmp(mode, {'feedforward', 'tracking'}))
+  if any(strcmp(mode, {'feedforward', 'tracking', 'adaptive'}))
     given.applied_v = rows(:, 4);
     given.reading_v = rows(:, 5);
   end

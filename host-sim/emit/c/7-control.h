@@ -191,6 +191,8 @@ static inline void springpot_tracking_init(const springpot_film *film, springpot
     springpot_inverse_init(&state->inverse, state->observer.film.position);
     springpot_fade_init(&state->fade, state->observer.film.position);
     state->most = 1.0F;
+    state->limited = 0U;
+    springpot_adaptation_init(&state->adaptation);
 }
 
 /* How much of the correction is in use: less for references that are faster than the observer. */
@@ -230,20 +232,33 @@ static inline float springpot_tracking_observe(const springpot_film *film, sprin
     float reading_v, const springpot_sample *sample)
 {
     const float voltage = springpot_record(film, &state->inverse, commanded_v, reading_v);
+    const bool changes = state->adaptation.is_in_use != 0U;
+    float position;
+
     if (sample != NULL) {
         springpot_fade_advance(&film->fade, &state->fade, state->inverse.path.position, state->most);
         springpot_set_share(&film->observer, &state->observer, state->fade.share);
     }
     state->observer.load = springpot_load_of(&film->drive, voltage);
-    return springpot_observer_step(film, &state->observer, sample);
+    if (changes) {
+        /* The force scale is adapted with the rest. */
+        state->observer.adapting = 0.0F;
+    }
+    position = springpot_observer_step(film, &state->observer, sample);
+    if (changes) {
+        springpot_adaptation_advance(film, &state->adaptation, &state->observer, state->limited);
+    }
+    return position;
 }
 
 /* Then: as springpot_feedforward_command, with the observer's disturbance subtracted. */
 static inline springpot_command springpot_tracking_command(
     const springpot_film *film, springpot_tracking_state *state, float reference_m)
 {
-    return springpot_invert(film, &state->observer.film, &state->inverse, reference_m, state->observer.disturbance,
-        state->observer.force_scale);
+    const springpot_command command = springpot_invert(film, &state->observer.film, &state->inverse, reference_m,
+        state->observer.disturbance, state->observer.force_scale);
+    state->limited = command.limited;
+    return command;
 }
 
 /* All of the correction is in use until the reference has moved again: for a voltage that does not follow the sensor. */
@@ -258,9 +273,92 @@ static inline void springpot_tracking_leave_cycles(springpot_tracking_state *sta
     state->most = 1.0F - taken_over;
 }
 
-/* Resets disturbance and force scale to 0 and 1: the model as it was fitted. */
+/* From now on the law follows a film that changes, stays as it has followed it, or as it was fitted: SPRINGPOT_ADAPT_LEARN, _HOLD, or
+ * _OFF, as at first. Other numbers count as _OFF. */
+static inline void springpot_tracking_set_adapting(springpot_tracking_state *state, uint32_t adapting)
+{
+    springpot_adaptation_state *adaptation = &state->adaptation;
+    const bool follows = (adapting == SPRINGPOT_ADAPT_HOLD) || (adapting == SPRINGPOT_ADAPT_LEARN);
+
+    if (!follows) {
+        springpot_adaptation_forget(adaptation);
+    } else if (adaptation->is_in_use == 0U) {
+        springpot_adaptation_init(adaptation);
+        adaptation->is_in_use = 1U;
+    } else {
+        /* goes on */
+    }
+    adaptation->adapting = follows ? adapting : SPRINGPOT_ADAPT_OFF;
+}
+
+/* How the film differs from its law, as far as that was learned. */
+static inline springpot_adapted springpot_tracking_adapted(const springpot_film *film, const springpot_tracking_state *state)
+{
+    const springpot_adaptation_state *adaptation = &state->adaptation;
+    const float *entry = adaptation->upper;
+    float variance = adaptation->diagonal[0];
+    springpot_adapted adapted;
+    uint32_t i;
+
+    /* Of each column the entry of the first row. */
+    for (i = 1U; i < SPRINGPOT_PARAMETERS; i++) {
+        variance = variance + ((entry[0] * entry[0]) * adaptation->diagonal[i]);
+        entry += i;
+    }
+    adapted.force_scale = state->observer.force_scale;
+    adapted.uncertainty = film->adaptation.parameters[0].expected * sqrtf(variance);
+    adapted.memory = adaptation->used[SPRINGPOT_ADAPTED_MEMORY];
+    adapted.rate = adaptation->used[SPRINGPOT_ADAPTED_RATE];
+    adapted.stretch = adaptation->used[SPRINGPOT_ADAPTED_STRETCH];
+    adapted.bias_n = adaptation->used[SPRINGPOT_ADAPTED_BIAS];
+    adapted.ageing = adaptation->ageing;
+    return adapted;
+}
+
+/* Uses what was learned of the film before, and holds it: after a restart, for a film at rest. Returns false for numbers that cannot have been
+ * learned; then nothing changes. */
+static inline bool springpot_tracking_restore(
+    const springpot_film *film, springpot_tracking_state *state, const springpot_adapted *adapted)
+{
+    const springpot_adaptation *adaptation = &film->adaptation;
+    const float near = springpot_log_of_ratio(adaptation, adapted->force_scale, 1.0F);
+    bool is_sound = (adapted->force_scale > 0.0F) && springpot_is_finite(adapted->uncertainty) && springpot_is_finite(adapted->ageing);
+    float used[SPRINGPOT_PARAMETERS];
+    uint32_t i;
+
+    used[SPRINGPOT_ADAPTED_SCALE] =
+        near + springpot_log_of_ratio(adaptation, adapted->force_scale, springpot_exp(adaptation, near));
+    used[SPRINGPOT_ADAPTED_MEMORY] = adapted->memory;
+    used[SPRINGPOT_ADAPTED_RATE] = adapted->rate;
+    used[SPRINGPOT_ADAPTED_STRETCH] = adapted->stretch;
+    used[SPRINGPOT_ADAPTED_BIAS] = adapted->bias_n;
+    for (i = 0U; i < SPRINGPOT_PARAMETERS; i++) {
+        is_sound = is_sound && springpot_is_finite(used[i]) && (springpot_size(used[i]) <= adaptation->parameters[i].restored);
+    }
+    if (is_sound) {
+        springpot_adaptation_init(&state->adaptation);
+        for (i = 0U; i < SPRINGPOT_PARAMETERS; i++) {
+            state->adaptation.estimates[i] = used[i];
+            state->adaptation.used[i] = used[i];
+        }
+        state->adaptation.is_in_use = 1U;
+        state->adaptation.adapting = SPRINGPOT_ADAPT_HOLD;
+    }
+    return is_sound;
+}
+
+/* Forgets what was learned of a film that changes: it goes out of use within some seconds. Learning goes on. */
+static inline void springpot_tracking_forget_changes(springpot_tracking_state *state)
+{
+    springpot_adaptation_forget(&state->adaptation);
+}
+
+/* Resets disturbance and force scale to 0 and 1, and what was learned of a film that changes: the model as it was fitted, at once. Learning goes
+ * on. */
 static inline void springpot_tracking_forget(springpot_tracking_state *state)
 {
+    const uint32_t is_in_use = state->adaptation.is_in_use;
+    const uint32_t adapting = state->adaptation.adapting;
     springpot_observer_state *observer = &state->observer;
     observer->integral = 0.0F;
     observer->slope = 0.0F;
@@ -270,5 +368,8 @@ static inline void springpot_tracking_forget(springpot_tracking_state *state)
     observer->integral_mean = 0.0F;
     observer->load_mean = 0.0F;
     observer->excitation = 0.0F;
+    springpot_adaptation_init(&state->adaptation);
+    state->adaptation.is_in_use = is_in_use;
+    state->adaptation.adapting = adapting;
 }
 

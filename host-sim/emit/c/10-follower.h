@@ -17,7 +17,7 @@ typedef struct {
     springpot_learning_state learning;
 } springpot_follower_state;
 
-SPRINGPOT_ASSERT(sizeof(springpot_follower_state) == 2280U, a_state_of_a_follower_takes_2280_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_follower_state) == 2596U, a_state_of_a_follower_takes_2596_bytes);
 
 /* A film at rest, 0 V, the reference where the film is. `has_sensor`: tracking, with all that samples correct; otherwise feedforward.
  * `learns`: cycles are learned, if the film's `learning` is not NULL. */
@@ -154,7 +154,37 @@ static inline void springpot_follower_forget_cycles(const springpot_film *film, 
     state->carries_over = 0U;
 }
 
-/* Resets disturbance and force scale to 0 and 1: the model as it was fitted. */
+/* springpot_tracking_set_adapting; without effect on feedforward. */
+static inline void springpot_follower_set_adapting(springpot_follower_state *state, uint32_t adapting)
+{
+    if (state->has_sensor != 0U) {
+        springpot_tracking_set_adapting(&state->of.tracking, adapting);
+    }
+}
+
+/* springpot_tracking_adapted; of feedforward the law as it was fitted. */
+static inline springpot_adapted springpot_follower_adapted(const springpot_film *film, const springpot_follower_state *state)
+{
+    const springpot_adapted fitted = {1.0F, film->adaptation.parameters[0].expected, 0.0F, 0.0F, 0.0F, 0.0F, 0.0F};
+    return (state->has_sensor != 0U) ? springpot_tracking_adapted(film, &state->of.tracking) : fitted;
+}
+
+/* springpot_tracking_restore; false for feedforward. */
+static inline bool springpot_follower_restore(
+    const springpot_film *film, springpot_follower_state *state, const springpot_adapted *adapted)
+{
+    return (state->has_sensor != 0U) && springpot_tracking_restore(film, &state->of.tracking, adapted);
+}
+
+/* springpot_tracking_forget_changes. */
+static inline void springpot_follower_forget_changes(springpot_follower_state *state)
+{
+    if (state->has_sensor != 0U) {
+        springpot_tracking_forget_changes(&state->of.tracking);
+    }
+}
+
+/* Resets disturbance and force scale to 0 and 1, and what was learned of a film that changes: the model as it was fitted. */
 static inline void springpot_follower_forget_correction(springpot_follower_state *state)
 {
     if (state->has_sensor != 0U) {
