@@ -11,6 +11,7 @@ pub mod chip;
 mod cortex;
 pub mod f4;
 pub mod g4;
+mod instruction;
 pub mod log;
 pub mod panic;
 mod trap;

@@ -1,8 +1,9 @@
 //! Addresses that trap: whatever the firmware reads or writes at a register of the chip, the models answer.
 //!
-//! The chip's addresses are mapped without any right. An access faults, and its instruction sees the model's value in the opened page, for the
-//! one step until the trap flag of the processor closes it again; what it wrote goes to the model. The signals come from the thread that accesses, at the access: nothing is concurrent, and everything
-//! happens in the order of the program.
+//! The chip's addresses are mapped without any right. An access faults. A plain [`Move`] of a word is done in the handler. Any other
+//! instruction sees the model's value in the opened page, for the one step until the trap flag of the processor closes it again; what it wrote
+//! goes to the model. The signals come from the thread that accesses, at the access: nothing is concurrent, and everything happens in the
+//! order of the program.
 
 use std::ffi::{c_int, c_void};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
@@ -11,6 +12,7 @@ use std::{mem, ptr};
 use libc::{siginfo_t, ucontext_t};
 
 use crate::chip::Chip;
+use crate::instruction::{Move, Operand};
 
 /// Addresses of the chips, with their lengths: pages of the flash; the factory's values; peripherals; those of an STM32F4 bit by bit; pins and
 /// converters of an STM32G4; the core's own.
@@ -113,6 +115,17 @@ extern "C" fn on_fault(signal: c_int, info: *mut siginfo_t, context: *mut c_void
     let Some(machine) = guard.as_mut() else { die("a register was accessed, but no chip has power") };
     machine.left = machine.left.checked_sub(1).unwrap_or_else(|| die("the firmware accesses registers without end"));
     let (word, writes) = (address & !3, registers[libc::REG_ERR as usize] & WRITES != 0);
+    // SAFETY: the processor has just executed these bytes; the longest that are read are those of one instruction.
+    if let Some(moved) = unsafe { Move::at(registers[libc::REG_RIP as usize] as *const u8) }.filter(|_| address == word)
+    {
+        match moved.operand {
+            Operand::Register(index) if writes => machine.chip.write(word as u32, registers[index] as u32),
+            Operand::Register(index) => registers[index] = i64::from(machine.chip.read(word as u32)),
+            Operand::Constant(value) => machine.chip.write(word as u32, value),
+        }
+        registers[libc::REG_RIP as usize] += moved.length;
+        return;
+    }
     // What an instruction reads of a word that it writes has no effect on the chip.
     let value = if writes { machine.chip.peek(word as u32) } else { machine.chip.read(word as u32) };
     protect(word, libc::PROT_READ | libc::PROT_WRITE);

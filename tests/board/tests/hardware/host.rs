@@ -52,7 +52,9 @@ macro_rules! compare {
 fn instructions_do_to_registers_what_they_do_to_memory() {
     let board = Board::new(Oscillators::default());
     compare!(board,
-        "mov eax, [rdi]" "mov [r8 + rcx * 4 + 0x1000], r9d" "mov [rdi + 2], r9w" "mov [rdi + 1], ah"
+        "mov eax, [rdi]" "mov r9d, [rsi + 0x20]" "mov eax, [r8 + 0x1230]" "mov r9d, [rsi + rcx * 8 - 0x440]"
+        "mov [rdi], r9d" "mov [rsi + 0x20], eax" "mov dword ptr [rdi], 0xc0ffee" "mov dword ptr [r8 + rcx * 4 + 0x1000], -2"
+        "mov [r8 + rcx * 4 + 0x1000], r9d" "mov [rdi + 2], r9w" "mov [rdi + 1], ah"
         "mov byte ptr [r8 + 0x1231], 0xde" "test dword ptr [rdi], 0x80000001" "cmp eax, [rsi + 0x20]" "movzx eax, byte ptr [rdi + 1]"
         "or dword ptr [rdi], 0x1000000" "and [rdi], r9d" "bts dword ptr [rdi], 7" "xchg [rdi], eax" "lock or dword ptr [rdi], 2"
     );
