@@ -131,7 +131,7 @@ fn names_in_a_legend_do_not_overlap() {
 fn stated_costs_are_those_of_the_results() {
     let documents = Documents::read().expect("readable");
     let stated = |row: &str, column: &str| documents.number(&[row], column).expect("in the table");
-    for (cost, curve) in [(Cost::LINEAR, ""), (Cost::CURVED, "+curve")] {
+    for (cost, curve) in [(Cost::LINEAR, ""), (Cost::CURVED, "+curve"), (Cost::TWO_CURVES, "+curves")] {
         let tick = format!("tick/12+36{curve}");
         assert_eq!(f64::from(cost.instructions_per_step), stated(&format!("creep/12+36{curve}"), "Cortex-M4F"));
         assert_eq!(f64::from(cost.instructions_per_tick), stated(&tick, "Cortex-M4F"));
