@@ -185,6 +185,9 @@ fn self_sensing_of_the_page_goes_into_the_blob() {
         bench.write("bad.toml", toml.replace(good, bad));
         refused("export --params bad.toml --rate 1000 --out q.bin", &words);
     }
+    let (above, _) = toml.split_once("[board.self_sensing]").expect("there");
+    let line = format!("bad.toml:{}:", above.lines().count() + 1);
+    refused("export --params bad.toml --rate 1000 --out q.bin", &[&line]);
 }
 
 /// The ending chooses the format; one that is another format's is refused, and nothing is written.

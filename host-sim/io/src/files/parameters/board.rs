@@ -1,5 +1,7 @@
 //! The `[board]` table: converters, limits and control, and the blob that a controller reads.
 
+use std::ops::Range;
+
 use dea_driver::chips::{Calibration, CommandRange};
 use dea_driver::wire::boards;
 use dea_driver::{BLOB_LEN, Blob, BlobError, Control, Limits, Parameters as BoardParameters, SelfSensor};
@@ -8,8 +10,10 @@ use serde::{Deserialize, Serialize, de};
 use springpot::{
     Actuator, AmplifierLag, CapacitanceRelation, CommandLimits, ControlError, Law, SelfSensingError, SelfSensingOptions,
 };
+use toml::Spanned;
 
 use super::calibration::AmplifierTable;
+use super::plausibility::check_self_sensing;
 use super::{Parameters, calibration, controller_rate};
 use crate::error::{Error, Result, short};
 
@@ -68,7 +72,7 @@ pub(super) struct BoardTable {
     limits: Option<Limits>,
     control: Option<Control>,
     self_test_above_v: Option<f32>,
-    self_sensing: Option<SelfSensing>,
+    self_sensing: Option<Spanned<SelfSensing>>,
 }
 
 /// The film as its own sensor: what `self-sensing` writes, and the monitor of its current.
@@ -107,6 +111,20 @@ fn some_calibration<'de, D: de::Deserializer<'de>>(
 }
 
 impl BoardTable {
+    /// Checks the table of self-sensing.
+    ///
+    /// # Errors
+    ///
+    /// Its place, and the fault.
+    pub(super) fn check_self_sensing(&self) -> std::result::Result<(), (Range<usize>, std::string::String)> {
+        self.self_sensing.as_ref().map_or(Ok(()), |table| {
+            let checked = check_self_sensing(&table.get_ref().relation, &table.get_ref().options);
+            let built =
+                checked.and_then(|()| table.get_ref().sensor().map(|_| ()).map_err(|e| format!("self-sensing: {e}")));
+            built.map_err(|cause| (table.span(), cause))
+        })
+    }
+
     /// The board, with what it leaves out from `bench`.
     pub(super) fn board(&self, bench: Board) -> Board {
         let given = [
@@ -130,7 +148,7 @@ impl BoardTable {
             limits: self.limits.unwrap_or(bench.limits),
             control: self.control.unwrap_or(bench.control),
             self_test_above_v: self.self_test_above_v.unwrap_or(bench.self_test_above_v),
-            self_sensing: self.self_sensing.clone().or(bench.self_sensing),
+            self_sensing: self.self_sensing.as_ref().map(|table| table.get_ref().clone()).or(bench.self_sensing),
             missing,
         }
     }
