@@ -4,9 +4,12 @@
 //! recording, and of powers of that sum. Films of any law come out within a fraction of a per cent of their stroke, without a search; what a
 //! fault adds to the readings does not.
 
+use std::{array, iter};
+
 use super::observation::Observation;
 use super::statistics::{median, percentile_range, range, robust_deviation};
 use crate::files::recording::{Input, Recording};
+use crate::least_squares::dot;
 
 /// Ratio of neighbouring filter times.
 const RATIO: f64 = 3.0;
@@ -102,10 +105,6 @@ fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 fn norm(values: &[f64]) -> f64 {
     dot(values, values).sqrt()
 }
@@ -194,22 +193,40 @@ impl Course {
     }
 }
 
-/// `load` through a first-order filter of `tau_s`, at rest before it was applied at time 0.
-fn filtered(time_s: &[f64], load: &[f64], tau_s: f64) -> Vec<f64> {
-    let mut value = load[0] * (1.0 - (-time_s[0] / tau_s).exp());
-    let (mut step_s, mut decay) = (0.0, 1.0);
-    let mut values = vec![value];
-    for k in 1..load.len() {
-        let step = time_s[k] - time_s[k - 1];
-        if (step - step_s).abs() > 1e-6 * step {
-            (step_s, decay) = (step, (-step / tau_s).exp());
-        }
-        // Exact for a load that changes linearly.
-        let ramp = 1.0 - (1.0 - decay) * tau_s / step_s;
-        value = decay * value + (1.0 - decay) * load[k - 1] + (load[k] - load[k - 1]) * ramp;
-        values.push(value);
+/// Filters whose values are computed together.
+const LANES: usize = 8;
+
+/// A load through first-order filters, each of a time of its own, at rest before it was applied at time 0.
+struct Filters {
+    tau_s: [f64; LANES],
+    step_s: f64,
+    decays: [f64; LANES],
+    /// 1 minus the decay, and what a change of the load within the step has of it.
+    rises: [f64; LANES],
+    ramps: [f64; LANES],
+    values: [f64; LANES],
+}
+
+impl Filters {
+    fn new(tau_s: [f64; LANES], time_s: f64, load: f64) -> Self {
+        let values = tau_s.map(|tau_s| load * (1.0 - (-time_s / tau_s).exp()));
+        Self { tau_s, step_s: 0.0, decays: [1.0; LANES], rises: [0.0; LANES], ramps: [0.0; LANES], values }
     }
-    values
+
+    /// A step of `step_s`, in which the load changes linearly: exact.
+    #[inline]
+    fn step(&mut self, step_s: f64, [before, load]: [f64; 2]) {
+        if (step_s - self.step_s).abs() > 1e-6 * step_s {
+            self.step_s = step_s;
+            self.decays = self.tau_s.map(|tau_s| (-step_s / tau_s).exp());
+            self.rises = self.decays.map(|decay| 1.0 - decay);
+            self.ramps = array::from_fn(|lane| 1.0 - self.rises[lane] * self.tau_s[lane] / step_s);
+        }
+        for lane in 0..LANES {
+            let kept = self.decays[lane] * self.values[lane] + self.rises[lane] * before;
+            self.values[lane] = kept + (load - before) * self.ramps[lane];
+        }
+    }
 }
 
 impl Blocks {
@@ -249,14 +266,42 @@ impl Blocks {
         let mut means = Vec::new();
         for (course, values) in self.courses.iter().zip(values) {
             for (readings, values) in course.reading.chunks(self.rows).zip(values.chunks(self.rows)) {
-                let present = || readings.iter().zip(values).filter(|(reading, _)| !reading.is_nan());
-                let count = present().count();
+                let present = readings.iter().zip(values).filter(|(reading, _)| !reading.is_nan());
+                let (count, sum) = present.fold((0, 0.0), |(count, sum), (_, value)| (count + 1, sum + value));
                 if count > 0 {
-                    means.push(present().map(|(_, value)| value).sum::<f64>() / count as f64);
+                    means.push(sum / f64::from(count));
                 }
             }
         }
         means
+    }
+
+    /// The same of `loads` through filters of each of these times (s).
+    fn filtered_means(&self, loads: &[Vec<f64>], taus_s: &[f64]) -> Vec<Vec<f64>> {
+        let together = |some: &[f64]| {
+            let tau_s = array::from_fn(|lane| some[lane.min(some.len() - 1)]);
+            let mut means: [Vec<f64>; LANES] = array::from_fn(|_| Vec::with_capacity(self.reading.len()));
+            for (Course { time_s, reading, .. }, load) in self.courses.iter().zip(loads) {
+                let mut filters = Filters::new(tau_s, time_s[0], load[0]);
+                for (block, readings) in reading.chunks(self.rows).enumerate() {
+                    let (mut count, mut sums) = (0, [0.0; LANES]);
+                    for (k, reading) in (block * self.rows..).zip(readings) {
+                        if k > 0 {
+                            filters.step(time_s[k] - time_s[k - 1], [load[k - 1], load[k]]);
+                        }
+                        if !reading.is_nan() {
+                            count += 1;
+                            sums.iter_mut().zip(filters.values).for_each(|(sum, value)| *sum += value);
+                        }
+                    }
+                    if count > 0 {
+                        means.iter_mut().zip(sums).for_each(|(means, sum)| means.push(sum / f64::from(count)));
+                    }
+                }
+            }
+            means.into_iter().take(some.len())
+        };
+        taus_s.chunks(LANES).flat_map(together).collect()
     }
 
     /// The film that follows `drives`, one for each recording.
@@ -272,13 +317,10 @@ impl Blocks {
     /// The time (s) by which the stroke lags `drives` beside what creeps in `shortest_s` or more, and beside the `added` columns; and the sum
     /// of squares that is left.
     pub(super) fn lag_s(&self, drives: &[Vec<f64>], added: &[Vec<f64>], shortest_s: f64) -> (f64, f64) {
-        let slopes = self.courses.iter().zip(drives).map(|(course, drive)| {
-            let load = course.load(drive);
-            let tau_s = self.shortest_s();
-            let behind = filtered(&course.time_s, &load, tau_s);
-            load.iter().zip(behind).map(|(load, behind)| (behind - load) / tau_s).collect()
-        });
-        let slopes = self.means(&slopes.collect::<Vec<Vec<f64>>>());
+        let (loads, tau_s) = (self.loads(drives), self.shortest_s());
+        let behind = self.filtered_means(&loads, &[tau_s]).concat();
+        let slopes: Vec<f64> =
+            self.means(&loads).iter().zip(behind).map(|(load, behind)| (behind - load) / tau_s).collect();
         let mut film = self.film_from(drives, shortest_s, 3);
         added.iter().for_each(|column| {
             film.add(column);
@@ -291,18 +333,17 @@ impl Blocks {
         let longest_s = self.longest_s();
         let mut basis = Basis::new(&self.reading, &self.kept, NEW);
         basis.add(&vec![1.0; self.reading.len()]);
-        let loads: Vec<Vec<f64>> = self.courses.iter().zip(drives).map(|(course, drive)| course.load(drive)).collect();
+        let loads = self.loads(drives);
         for power in 1..=powers {
             let loads: Vec<Vec<f64>> =
                 loads.iter().map(|load| load.iter().map(|value| value.powi(power)).collect()).collect();
             basis.add(&self.means(&loads));
-            let mut tau_s = shortest_s;
-            while tau_s < 3.0 * longest_s {
-                let pairs = self.courses.iter().zip(&loads);
-                let filtered: Vec<Vec<f64>> = pairs.map(|(c, load)| filtered(&c.time_s, load, tau_s)).collect();
-                basis.add(&self.means(&filtered));
-                tau_s *= if power == 1 { RATIO } else { RATIO * RATIO };
-            }
+            let ratio = if power == 1 { RATIO } else { RATIO * RATIO };
+            let taus_s = iter::successors(Some(shortest_s), |tau_s| Some(tau_s * ratio));
+            let taus_s: Vec<f64> = taus_s.take_while(|tau_s| *tau_s < 3.0 * longest_s).collect();
+            self.filtered_means(&loads, &taus_s).iter().for_each(|column| {
+                basis.add(column);
+            });
         }
         // A film whose stiffness depends on the stroke.
         let film = self.modelled(&basis);
@@ -315,6 +356,11 @@ impl Blocks {
             basis.add(&column);
         }
         basis
+    }
+
+    /// The load of every recording.
+    fn loads(&self, drives: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        self.courses.iter().zip(drives).map(|(course, drive)| course.load(drive)).collect()
     }
 
     fn longest_s(&self) -> f64 {

@@ -359,13 +359,12 @@ impl Record {
 /// Value and slope per sample of a `series` at `place`, which need not be whole, by Lagrange's cubic: before its first sample the film
 /// is at rest, and after its last it stays.
 fn delayed(series: &[f64], place: f64) -> (f64, f64) {
-    let before = place.floor();
-    let u = place - before;
-    let at = |offset: f64| {
-        let index = before + offset;
-        if index < 0.0 { 0.0 } else { series[(index as usize).min(series.len() - 1)] }
-    };
-    let [a, b, c, d] = [-1.0, 0.0, 1.0, 2.0].map(at);
+    // The floor, without a call.
+    let towards_0 = place as isize;
+    let before = towards_0 - isize::from(towards_0 as f64 > place);
+    let u = place - before as f64;
+    let at = |offset: isize| usize::try_from(before + offset).map_or(0.0, |index| series[index.min(series.len() - 1)]);
+    let [a, b, c, d] = [-1, 0, 1, 2].map(at);
     // The cubic through the samples at −1, 0, 1 and 2, in powers of u.
     let first = c - a / 3.0 - b / 2.0 - d / 6.0;
     let second = 0.5 * (a + c) - b;
