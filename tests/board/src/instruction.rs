@@ -7,7 +7,7 @@ pub struct Move {
     pub operand: Operand,
 }
 
-/// What is moved, or where to.
+/// The other side of a move.
 pub enum Operand {
     /// An index into the registers of a signal's context.
     Register(usize),

@@ -1,7 +1,5 @@
 //! The `[board]` table: converters, limits and control, and the blob that a controller reads.
 
-use std::ops::Range;
-
 use dea_driver::chips::{Calibration, CommandRange};
 use dea_driver::wire::boards;
 use dea_driver::{BLOB_LEN, Blob, BlobError, Control, Limits, Parameters as BoardParameters, SelfSensor};
@@ -13,7 +11,6 @@ use springpot::{
 use toml::Spanned;
 
 use super::calibration::AmplifierTable;
-use super::plausibility::check_self_sensing;
 use super::{Parameters, calibration, controller_rate};
 use crate::error::{Error, Result, short};
 
@@ -89,7 +86,7 @@ pub struct SelfSensing {
 }
 
 impl SelfSensing {
-    fn sensor(&self) -> std::result::Result<SelfSensor, SelfSensingError> {
+    pub(super) fn sensor(&self) -> std::result::Result<SelfSensor, SelfSensingError> {
         SelfSensor::new(&self.relation, self.options, self.current.clone())
     }
 }
@@ -111,18 +108,9 @@ fn some_calibration<'de, D: de::Deserializer<'de>>(
 }
 
 impl BoardTable {
-    /// Checks the table of self-sensing.
-    ///
-    /// # Errors
-    ///
-    /// Its place, and the fault.
-    pub(super) fn check_self_sensing(&self) -> std::result::Result<(), (Range<usize>, std::string::String)> {
-        self.self_sensing.as_ref().map_or(Ok(()), |table| {
-            let checked = check_self_sensing(&table.get_ref().relation, &table.get_ref().options);
-            let built =
-                checked.and_then(|()| table.get_ref().sensor().map(|_| ()).map_err(|e| format!("self-sensing: {e}")));
-            built.map_err(|cause| (table.span(), cause))
-        })
+    /// The table of self-sensing, with its place.
+    pub(super) fn self_sensing(&self) -> Option<&Spanned<SelfSensing>> {
+        self.self_sensing.as_ref()
     }
 
     /// The board, with what it leaves out from `bench`.

@@ -229,7 +229,12 @@ impl Parameters {
         }
         if let Some(table) = &file.board {
             let board = table.get_ref().board(parameters.bench(1000.0));
-            table.get_ref().check_self_sensing().map_err(|(span, cause)| place.error(span, cause))?;
+            if let Some(sensing) = table.get_ref().self_sensing() {
+                let at = |cause| place.error(sensing.span(), cause);
+                let SelfSensing { relation, options, .. } = sensing.get_ref();
+                plausibility::check_self_sensing(relation, options).map_err(at)?;
+                sensing.get_ref().sensor().map_err(|error| at(format!("self-sensing: {error}")))?;
+            }
             plausibility::check_board(&board).map_err(|cause| place.error(table.span(), cause))?;
             // What a controller would refuse of the board is refused here, where its line is known. The rate matters to a tone alone.
             let checked = parameters.to_blob(&board, board.rate_hz());
