@@ -12,7 +12,7 @@ use clap::ValueEnum;
 use crate::process::{Result, cargo, command, format, make, output, read, root, run as run_command};
 use crate::python::{environment, interpreter, pip};
 use crate::test::QEMU;
-use crate::{embedded, other_board, setup, windows};
+use crate::{benchmark, embedded, other_board, setup, windows};
 
 /// A language, or the crates on other boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -23,6 +23,8 @@ pub enum Face {
     Rust,
     /// The Python package: a wheel, installed where there is no Rust, against the command line, its types and its notebook.
     Python,
+    /// The benchmark against other models, on one film: packages of Python, and that the tool predicts better than a curve without memory.
+    Benchmark,
     /// MATLAB's two: the MEX function in Octave, `springpot_replay.m`, the S-function before a stub of Simulink's headers.
     Octave,
     /// The FMU: schemas, states and equal bits with FMPy, in an environment of its own.
@@ -55,6 +57,7 @@ pub fn run(only: Option<Face>) -> Result<()> {
             Face::Windows => windows::run()?,
             Face::Browser => browser(only.is_some())?,
             Face::Python => python()?,
+            Face::Benchmark => benchmark::sample()?,
             Face::Octave => {
                 setup::octave()?;
                 run_command(cargo("test --package host-emit matlab -- --include-ignored"))?;

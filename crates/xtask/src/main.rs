@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod advisories;
+mod benchmark;
 mod board;
 mod book;
 mod campaign;
@@ -71,6 +72,12 @@ enum Chore {
         /// Only this one.
         face: Option<faces::Face>,
     },
+    /// Compare the model with others on simulated films, as docs/results.md reports: some 15 minutes. Installs packages of Python into target/faces.
+    Benchmark {
+        /// A tensile test of a film as well: a CSV file with time_s, stretch, nominal_stress_pa.
+        #[arg(long, value_name = "TEST.csv")]
+        measured: Option<std::path::PathBuf>,
+    },
     /// Make the recordings under tests/recordings again.
     Recordings,
     /// Draw the boards of docs/boards.md from their tables.
@@ -121,6 +128,7 @@ fn main() -> ExitCode {
         Chore::Firmware => setup::run().and_then(|toolchain| firmware::run(&toolchain)),
         Chore::Board { port, image } => board::run(port, image),
         Chore::Faces { face } => faces::run(face),
+        Chore::Benchmark { measured } => benchmark::run(measured.as_deref()),
         Chore::Recordings => recordings::run(),
         Chore::Wiring => wiring::run(),
         Chore::Campaign { part, sample, only } => campaign::run(part, sample, only.as_deref()),
