@@ -90,10 +90,12 @@ def prandtl_ishlinskii(training: list[Recording]) -> Fitted:
         return np.vstack([powers(u), plays.T])
 
     measured = np.hstack([r.response for r in training])
-    lower = np.array([-np.inf] * 4 + [0.0] * OPERATORS)
+    # Displacements lag behind the load, forces lead.
+    lower = np.array([-np.inf] * 4 + [-np.inf if training[0].stretched else 0.0] * OPERATORS)
+    upper = np.array([np.inf] * 4 + [0.0 if training[0].stretched else np.inf] * OPERATORS)
 
     def solved(widening_s: float) -> tuple[float, float, Array]:
-        found = lsq_linear(np.hstack([basis(r, widening_s) for r in training]).T, measured, (lower, np.inf))
+        found = lsq_linear(np.hstack([basis(r, widening_s) for r in training]).T, measured, (lower, upper))
         return found.cost, widening_s, found.x
 
     _, widening_s, values = min((solved(s) for s in (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)), key=lambda found: found[0])
@@ -242,7 +244,7 @@ class Tool:
         curve = report["film"]["curve"]
         structure = f"{report['topology']} n = {report['branches']}, {curve}"
         kind = "" if curve == "linear" else "+curves" if curve.startswith("two curves") else "+curve"
-        cost = f"{HEAD + 2 * MODES}; {instructions(drive, kind)} instructions"
+        cost = f"{HEAD + 2 * MODES} ({instructions(drive, kind)} instructions)"
         return Fitted(predict, len(report["uncertainty"]["estimates"]), cost, LAW_BYTES // 4, structure)
 
     def prony(self, training: list[Recording], branches: int) -> Fitted:
