@@ -2,7 +2,7 @@
 
 use crate::control::path::clamp;
 use crate::error::{SelfSensingError, first_not_positive};
-use crate::law::{Coefficients, Compressed, Law, LawOptions, LawState};
+use crate::law::{Coefficients, Compressed, DECAY, Decay, Law, LawOptions, LawState};
 use crate::model::{Maxwell, Springpot, Topology};
 use crate::numbers::Numbers;
 use crate::scalar::Real;
@@ -175,11 +175,17 @@ impl<T: Real> Relation<T> {
 
     /// Visits what a step computes with.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
-        take.array("relation", [self.rest, self.per_rest, self.creep, self.instant], "");
-        take.array("changes", self.changes, "");
-        take.array("stroke", self.stroke, "");
-        take.array("slope", self.slope, "");
-        self.law.numbers(take);
+        take.number("rest", self.rest, "capacitance, F");
+        take.number("per_rest", self.per_rest, "1/F");
+        take.array("changes", self.changes, "least and largest of it, relative");
+        take.array("stroke", self.stroke, "m");
+        take.array("slope", self.slope, "m");
+        take.number("creep", self.creep, "");
+        take.number("instant", self.instant, "");
+        let Compressed { head, fast, .. } = self.law.memory();
+        take.number("creep_stiffness", self.law.stiffness(), "");
+        take.array("creep_head", *head, "g_0 + g_1, g_2, ...");
+        take.records("creep_modes", &DECAY, fast.map(Decay::numbers), "");
     }
 
     /// Capacitance at rest, F.

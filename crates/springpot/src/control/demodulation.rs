@@ -56,3 +56,16 @@ impl<T: Real> Demodulator<T> {
         [real, imaginary]
     }
 }
+
+/// The square of a phasor.
+#[inline]
+pub(crate) fn square<T: Real>([re, im]: [T; 2]) -> T {
+    re * re + im * im
+}
+
+/// The parts of the current across the voltage and along it, times the voltage.
+#[inline]
+pub(crate) fn products<T: Real>(voltage: [T; 2], current: [T; 2]) -> [T; 2] {
+    let ([v_re, v_im], [j_re, j_im]) = (voltage, current);
+    [v_re * j_im - v_im * j_re, v_re * j_re + v_im * j_im]
+}

@@ -1,9 +1,10 @@
 //! Self-sensing: the film's displacement from its capacitance.
 
 use crate::control::capacitance::{CapacitanceRelation, CreepCoefficients, Relation, RelationState};
-use crate::control::demodulation::{Demodulator, GAIN};
+use crate::control::demodulation::{Demodulator, GAIN, products, square};
 use crate::control::observer::SensorSample;
 use crate::control::path::is_finite;
+use crate::control::self_sensing_fault::{SelfSensingFault, Thresholds};
 use crate::control::self_sensing_options::SelfSensingOptions;
 use crate::error::SelfSensingError;
 use crate::numbers::Numbers;
@@ -38,22 +39,6 @@ impl<T: Real> SelfSensed<T> {
     pub fn uncertainty_m(&self) -> T {
         self.variance_m2.sqrt()
     }
-}
-
-/// Why a film cannot be sensed: found in two blocks in a row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[non_exhaustive]
-pub enum SelfSensingFault {
-    /// The tone does not appear at the voltage monitor: the amplifier does not pass it, or is off.
-    NoTone,
-    /// The film conducts: more current than it may leak, as through a resistor, or more than twice the largest capacitance of its calibration.
-    Shorted,
-    /// The current monitor shows no tone, less than the cable alone would.
-    CurrentMonitor,
-    /// Less than half of the film's capacitance, or behind too much resistance: an electrode or its lead is lost.
-    Electrode,
 }
 
 /// The film as its own displacement sensor: a tone on the drive, its current, the capacitance, the displacement.
@@ -131,21 +116,6 @@ pub struct SelfSensing<T> {
     /// Variance of the relation, m², and the share of it that returns in a block.
     variance: T,
     drift: T,
-}
-
-/// Where a film counts as faulty.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Thresholds<T> {
-    /// Square of the voltage's phasor.
-    voltage: T,
-    /// Largest sum of the current in a block.
-    current: T,
-    /// Squares of the current's phasor over that of the voltage: of less than the cable, and of the film at rest.
-    cable: T,
-    rest: T,
-    /// Least and largest capacitance, F.
-    capacitance: T,
-    largest: T,
 }
 
 /// Blocks whose estimates are kept, for samples of another sensor that arrive later.
@@ -241,13 +211,8 @@ impl<T: Real> SelfSensing<T> {
         }
         let ticks = 4 * options.periods;
         let n = f64::from(ticks);
-        // |J| / |V| of a capacitance.
-        let admittance = |capacitance_f: f64| 2.0 * capacitance_f / step_s;
-        let square = |value: f64| T::from_f64(value * value);
-        // Of a tone of 1, and of noise in each part of the phasor.
-        let (phasor, noise) = (GAIN * n / 2.0, GAIN * GAIN * n / 2.0);
-        // Half of the cable's; a small part of the film's where the cable is not known.
-        let no_current_f = if cable_f > 0.0 { 0.5 * cable_f } else { relation.rest_f / 16.0 };
+        // Of noise in each part of the phasor.
+        let noise = GAIN * GAIN * n / 2.0;
         Ok(Self {
             relation: running,
             tone: T::from_f64(tone_v),
@@ -257,15 +222,8 @@ impl<T: Real> SelfSensing<T> {
             resistance: T::from_f64(core::f64::consts::FRAC_2_PI * 2.0),
             voltage_noise: T::from_f64(noise * options.voltage_noise_v * options.voltage_noise_v),
             current_noise: T::from_f64(2.0 * noise * options.current_noise_a * options.current_noise_a),
-            thresholds: Thresholds {
-                voltage: square(0.25 * phasor * tone_v),
-                current: T::from_f64(n * options.max_current_a),
-                cable: square(admittance(no_current_f)),
-                rest: square(admittance(relation.rest_f)),
-                capacitance: T::from_f64(0.5 * (cable_f + relation.rest_f)),
-                largest: T::from_f64(2.0 * relation.max_f),
-            },
-            variance: square(relation.uncertainty_m),
+            thresholds: Thresholds::new(relation, options),
+            variance: T::from_f64(relation.uncertainty_m * relation.uncertainty_m),
             drift: T::from_f64(1.0 - libm::exp(-2.0 * options.sample_interval_s() / options.drift_s)),
         })
     }
@@ -279,12 +237,29 @@ impl<T: Real> SelfSensing<T> {
     /// Visits what a tick computes with.
     #[doc(hidden)]
     pub fn numbers(&self, take: &mut impl Numbers<T>) {
-        let Thresholds { voltage, current, cable, rest, capacitance, largest } = self.thresholds;
-        take.array("tone", [self.tone, self.capacitance, self.resistance, self.voltage_noise, self.current_noise], "");
-        take.array("thresholds", [voltage, current, cable, rest, capacitance, largest], "");
-        take.array("variance", [self.variance, self.drift], "");
-        take.count("ticks", u32::from(self.ticks), "");
-        take.count("age", u32::from(self.age), "");
+        take.structure(
+            "self_sensing",
+            "The film as its own sensor. J is the phasor of the current, V that of the voltage.",
+        );
+        take.count("ticks", self.ticks.into(), "of a block");
+        take.count("age", self.age.into(), "of its sample, ticks");
+        take.number("tone", self.tone, "amplitude, V");
+        take.number("capacitance", self.capacitance, "factor of |J|^2 / (V x J)");
+        take.number("resistance", self.resistance, "factor of (V . J) / |J|^2");
+        take.number("voltage_noise", self.voltage_noise, "variance of V in a block");
+        take.number("current_noise", self.current_noise, "of J");
+        take.number("variance", self.variance, "of the relation, m^2");
+        take.number("drift", self.drift, "share of it that returns in a block");
+        take.number("least_weight", T::from_f64(1.0 / AVERAGED), "of a block in the mean of V");
+        take.number(
+            "another",
+            T::from_f64(ANOTHER),
+            "square of the distance of another tone from that mean, in variances",
+        );
+        take.count("others", OTHERS.into(), "blocks with another tone that give no sample");
+        take.count("settling", SETTLING.into(), "blocks at the start that are not used");
+        take.count("faulty", FAULTY.into(), "blocks in a row that are a fault");
+        self.thresholds.numbers(take);
         self.relation.numbers(take);
     }
 
@@ -293,7 +268,7 @@ impl<T: Real> SelfSensing<T> {
     #[must_use]
     pub fn noise_m(&self, tone_v: f64, blocks: f64) -> f64 {
         let phasor = GAIN * f64::from(self.ticks) / 2.0 * tone_v;
-        let current = self.current_noise.to_f64() / (blocks * self.thresholds.rest.to_f64());
+        let current = self.current_noise.to_f64() / (blocks * self.thresholds.rest());
         let voltage = self.voltage_noise.to_f64() / (2.0 * AVERAGED - 1.0);
         libm::sqrt(current + voltage) / phasor * self.relation.slope_at_rest()
     }
@@ -372,7 +347,7 @@ impl<T: Real> SelfSensing<T> {
         if !is_settled {
             return;
         }
-        let fault = self.fault_of(voltage, current, mean);
+        let fault = self.thresholds.fault(self.capacitance, voltage, current, mean);
         state.faulty = if fault.is_some() { state.faulty.saturating_add(1) } else { 0 };
         if state.faulty >= FAULTY && state.fault.is_none() {
             state.fault = fault;
@@ -385,29 +360,6 @@ impl<T: Real> SelfSensing<T> {
             state.resistance = self.resistance * dot / current2;
             let left = state.weight / (T::from_f64(2.0) - state.weight);
             state.relative = self.current_noise / current2 + left * self.voltage_noise / voltage2;
-        }
-    }
-
-    /// The fault of a block with these phasors, of which the current's sum is `mean`.
-    #[inline]
-    fn fault_of(&self, voltage: [T; 2], current: [T; 2], mean: T) -> Option<SelfSensingFault> {
-        let least = &self.thresholds;
-        let (voltage2, current2) = (square(voltage), square(current));
-        let [cross, dot] = products(voltage, current);
-        let capacitance = self.capacitance * current2;
-        let has_film = capacitance > least.capacitance * cross;
-        // Behind steps a resistor is half a capacitance.
-        let conducts = (dot > cross || capacitance > least.largest * cross) && current2 > least.rest * voltage2;
-        if voltage2 < least.voltage {
-            Some(if mean > least.current { SelfSensingFault::Shorted } else { SelfSensingFault::NoTone })
-        } else if current2 < least.cable * voltage2 {
-            Some(SelfSensingFault::CurrentMonitor)
-        } else if mean > least.current || conducts {
-            Some(SelfSensingFault::Shorted)
-        } else if dot > cross || !has_film {
-            Some(SelfSensingFault::Electrode)
-        } else {
-            None
         }
     }
 
@@ -459,19 +411,6 @@ impl<T: Real> SelfSensing<T> {
             state.pending = Some(Pending { displacement: sample.displacement_m, variance: variance_m2, age });
         }
     }
-}
-
-/// The square of a phasor.
-#[inline]
-fn square<T: Real>([re, im]: [T; 2]) -> T {
-    re * re + im * im
-}
-
-/// The parts of the current across the voltage and along it, times the voltage.
-#[inline]
-fn products<T: Real>(voltage: [T; 2], current: [T; 2]) -> [T; 2] {
-    let ([v_re, v_im], [j_re, j_im]) = (voltage, current);
-    [v_re * j_im - v_im * j_re, v_re * j_re + v_im * j_im]
 }
 
 impl<T: Real> SelfSensingState<T> {

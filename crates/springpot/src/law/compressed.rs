@@ -148,6 +148,13 @@ pub(crate) struct Decay<T> {
     pub(crate) weight: T,
 }
 
+/// The numbers of a [`Decay`].
+pub(crate) const DECAY: Record<2> = Record {
+    name: "decay",
+    about: "A mode of the memory: a Maxwell element.",
+    fields: [("loss", "1 - rho, what it forgets in a step"), ("weight", "stiffness of its spring, N/m")],
+};
+
 /// The dashpot of a slow Maxwell element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Dashpot<T> {
@@ -231,17 +238,12 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// Visits what a step computes with.
     #[doc(hidden)]
     pub fn numbers(&self, take: &mut impl Numbers<T>) {
-        let decay = Record {
-            name: "decay",
-            about: "A mode of the memory: a Maxwell element.",
-            fields: [("loss", "1 - rho, what it forgets in a step"), ("weight", "stiffness of its spring, N/m")],
-        };
         let Compressed { head, fast, slow, .. } = self.memory();
         take.structure("law", "The law of a film: F_k = sum over g_j dx_(k-j), the inertia included.");
         take.number("stiffness", self.stiffness(), "force per displacement within one step, N/m");
         take.array("head", *head, "g_0 + g_1, g_2, ..., N/m");
-        take.records("fast", &decay, fast.map(|decay| [decay.loss, decay.weight]), "fastest first");
-        take.records("slow", &decay, slow.map(|decay| [decay.loss, decay.weight]), "");
+        take.records("fast", &DECAY, fast.map(Decay::numbers), "fastest first");
+        take.records("slow", &DECAY, slow.map(Decay::numbers), "");
         self.curve_numbers(take);
     }
 }
@@ -345,6 +347,11 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
 }
 
 impl<T: Scalar> Decay<T> {
+    /// As [`DECAY`] names them.
+    pub(crate) fn numbers(self) -> [T; 2] {
+        [self.loss, self.weight]
+    }
+
     fn table<const N: usize>(modes: &[DecayMode]) -> [Self; N] {
         let mut table = [Self { loss: T::ZERO, weight: T::ZERO }; N];
         for (entry, mode) in table.iter_mut().zip(modes) {

@@ -16,6 +16,7 @@ mod window;
 pub use bound::CompressionBound;
 pub use coefficients::Coefficients;
 pub use compressed::{Compressed, LawOptions};
+pub(crate) use compressed::{DECAY, Decay};
 pub use window::Window;
 
 use crate::actuator::Load;
