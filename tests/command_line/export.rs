@@ -142,10 +142,8 @@ fn a_board_of_its_own_goes_into_the_blob() {
     }
 }
 
-/// The table in `docs/formats.md`, on a board whose limits leave room for the tone: it is in the blob, and unchanged through other commands.
-#[test]
-fn self_sensing_of_the_page_goes_into_the_blob() {
-    let bench = Bench::new(TOOL);
+/// A film with the table in `docs/formats.md`, on a board whose limits leave room for the tone.
+pub fn sensed() -> String {
     let page = include_str!("../../docs/formats.md");
     let table = page.split("```toml\n").find(|table| table.starts_with("[board.self_sensing]"));
     let table = table.and_then(|rest| rest.split("```").next()).expect("a table");
@@ -156,7 +154,13 @@ fn self_sensing_of_the_page_goes_into_the_blob() {
         .replace("jump = 2e-4", "jump = 4e-4");
     let control = "[board.control]\nmax_velocity_m_per_s = 0.02\nmax_acceleration_m_per_s2 = 0.5\nreturn_hz = 5.0\nbandwidth_hz = 0.6\n\
                    sample_interval_s = 0.02\ndelay_s = 0.014\nlost_after_s = 0.2\nadaptation_s = 30.0\n";
-    let toml = Parameters::preset("table3-n2").expect("there").to_toml() + &board + control + table;
+    Parameters::preset("table3-n2").expect("there").to_toml() + &board + control + table
+}
+
+/// The table is in the blob, and unchanged through other commands.
+#[test]
+fn self_sensing_of_the_page_goes_into_the_blob() {
+    let (bench, toml) = (Bench::new(TOOL), sensed());
     bench.write("p.toml", toml.clone());
     let blob = Blob::decode(&exported(&bench, "p.toml", "1000"), boards::STM32F405).expect("valid").into_parameters();
     let sensor = blob.self_sensing.expect("in the blob");

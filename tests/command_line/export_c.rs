@@ -1,16 +1,18 @@
 //! `export --emit c` and `--emit arduino`: what is written compiles, and is what the controller runs.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
 use dea_driver::Blob;
 use host_sim::files::parameters::Parameters;
-use springpot::{Applied, Feedforward, Follower, Load, SensorSample};
+use springpot::{Applied, Feedforward, FilmReading, Follower, Load, SensorSample};
 use tests::tool::{Bench, rows, text};
 use tests::transcript::blocks;
 
 use crate::TOOL;
+use crate::export::sensed;
 
 /// Runs `line` in the folder, which must succeed, and returns what it printed.
 fn ran(bench: &Bench, line: &str) -> String {
@@ -131,6 +133,41 @@ fn two_exported_films_have_the_controllers_bits() {
         assert!(state.learned().is_none() || state.added().abs() > 1e-6, "something was learned");
     }
     assert_eq!(lines.next(), None);
+}
+
+/// A film that is its own sensor, beside one that is not: samples of a capacitor that grows are those of the controller, to the bit.
+#[test]
+fn an_exported_film_is_its_own_sensor() {
+    let bench = Bench::new(TOOL);
+    bench.write("film.toml", sensed());
+    for (params, out) in [("film.toml", "film.c"), ("preset:table3-n2", "n2.c")] {
+        bench.json(&format!("export --params {params} --emit c --out {out}"));
+    }
+    assert!(!bench.read("n2.c").contains("sensing"));
+    let main = "#include <stdio.h>\n#include <string.h>\n#include \"springpot.h\"\nSPRINGPOT_SELF_SENSING(self_sensing_film);\n\
+         int main(void)\n{\n    static springpot_self_sensing_state state;\n    float before = 0.0F;\n    float current = 0.0F;\n\
+         springpot_self_sensing_init(&self_sensing_film, &state);\n    for (uint32_t k = 0U; k < 2000U; k++) {\n\
+         const springpot_sample *sample = springpot_self_sensing_sense(&self_sensing_film, &state, before, current);\n\
+         const float voltage = springpot_self_sensing_drive(&self_sensing_film, &state, (float)k);\n\
+         current = (700e-9F + (2e-11F * (float)k)) * (voltage - before);\n        before = voltage;\n        if (sample != NULL) {\n\
+         uint32_t bits;\n            memcpy(&bits, &sample->displacement, sizeof bits);\n            printf(\"%08x\\n\", (unsigned)bits);\n\
+         }\n    }\n    return (int)state.fault;\n}\n";
+    bench.write("main.c", main);
+    ran(&bench, "gcc -std=c99 -O2 -Wall -Wextra -Wpedantic -Wconversion -Werror main.c film.c n2.c -lm -o main");
+    let blob = controllers(&Parameters::load(text(&bench.path("film.toml"))).expect("valid"));
+    let sensing = blob.parameters().self_sensing.as_ref().expect("in the blob").sensing().expect("valid");
+    let (mut state, mut before, mut current_a, mut expected) = (sensing.state(), 0.0, 0.0, String::new());
+    for k in (0..2000_u16).map(f32::from) {
+        let sensed = sensing.sense(&mut state, FilmReading { voltage_v: before, current_a });
+        let voltage = sensing.drive(&state, k);
+        current_a = (700e-9 + 2e-11 * k) * (voltage - before);
+        before = voltage;
+        if let Some(sensed) = sensed {
+            let _ = writeln!(expected, "{:08x}", sensed.sample.displacement_m.to_bits());
+        }
+    }
+    assert!(expected.lines().count() > 90);
+    assert_eq!(ran(&bench, "./main"), expected);
 }
 
 /// The library has what Arduino and PlatformIO ask for.

@@ -20,6 +20,7 @@
  *   springpot_observer_*                           an estimate of the film from voltage and samples of its displacement
  *   springpot_tracking_*                           a voltage for a reference, with a sensor: both of the above on one law
  *   springpot_follower_*                           feedforward or tracking behind learned errors of periodic references
+ *   springpot_self_sensing_*                       samples of the displacement from a tone's current into the film
  *
  * Units are SI: m, N, V, s. Displacement is measured from the film at rest under its weight, positive as voltage lengthens it.
  *
@@ -73,12 +74,14 @@
 #error "springpot.h: float must be the single precision of IEEE 754"
 #endif
 
-/* Declares the film `name`, which its own file defines. */
+/* Declares the film `name`, or its self-sensing, which its own file defines. */
 #ifdef __cplusplus
 #define SPRINGPOT_FILM(name) extern "C" const springpot_film name
+#define SPRINGPOT_SELF_SENSING(name) extern "C" const springpot_self_sensing name
 #define SPRINGPOT_ASSERT(condition, name) static_assert(condition, #name)
 #else
 #define SPRINGPOT_FILM(name) extern const springpot_film name
+#define SPRINGPOT_SELF_SENSING(name) extern const springpot_self_sensing name
 #define SPRINGPOT_ASSERT(condition, name) typedef char springpot_assert_##name[(condition) ? 1 : -1]
 #endif
 
@@ -136,6 +139,10 @@
 /* Parameters in which a film may differ from its law, and pairs of them. */
 #define SPRINGPOT_PARAMETERS 5U
 #define SPRINGPOT_ABOVE 10U
+/* Self-sensing: increments and modes of the relation's springpot, and blocks that are kept for a second sensor. */
+#define SPRINGPOT_CREEP_HEAD 4U
+#define SPRINGPOT_CREEP_MODES 11U
+#define SPRINGPOT_BLOCKS 8U
 /* There is no reading of a voltage monitor. */
 #define SPRINGPOT_NO_READING ((float)NAN)
 

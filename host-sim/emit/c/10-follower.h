@@ -191,9 +191,3 @@ static inline void springpot_follower_forget_correction(springpot_follower_state
         springpot_tracking_forget(&state->of.tracking);
     }
 }
-
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC pop_options
-#endif
-
-#endif /* SPRINGPOT_H */

@@ -195,6 +195,40 @@ typedef struct {
     float turn;                   /* 2 pi */
 } springpot_learning;
 
+/* The film as its own sensor. J is the phasor of the current, V that of the voltage. */
+typedef struct {
+    uint32_t ticks;                                     /* of a block */
+    uint32_t age;                                       /* of its sample, ticks */
+    float tone;                                         /* amplitude, V */
+    float capacitance;                                  /* factor of |J|^2 / (V x J) */
+    float resistance;                                   /* factor of (V . J) / |J|^2 */
+    float voltage_noise;                                /* variance of V in a block */
+    float current_noise;                                /* of J */
+    float variance;                                     /* of the relation, m^2 */
+    float drift;                                        /* share of it that returns in a block */
+    float least_weight;                                 /* of a block in the mean of V */
+    float another;                                      /* square of the distance of another tone from that mean, in variances */
+    uint32_t others;                                    /* blocks with another tone that give no sample */
+    uint32_t settling;                                  /* blocks at the start that are not used */
+    uint32_t faulty;                                    /* blocks in a row that are a fault */
+    float min_voltage;                                  /* square of the voltage's phasor */
+    float max_current;                                  /* sum of a block, A */
+    float min_admittance;                               /* square of the current's phasor over that of the voltage */
+    float rest_admittance;                              /* likewise, of the film at rest */
+    float min_capacitance;                              /* F */
+    float max_capacitance;                              /* F */
+    float rest;                                         /* capacitance, F */
+    float per_rest;                                     /* 1/F */
+    float changes[2];                                   /* least and largest of it, relative */
+    float stroke[3];                                    /* m */
+    float slope[2];                                     /* m */
+    float creep;
+    float instant;
+    float creep_stiffness;
+    float creep_head[4];                                /* g_0 + g_1, g_2, ... */
+    springpot_decay creep_modes[SPRINGPOT_CREEP_MODES];
+} springpot_self_sensing;
+
 /* The constants of a film at its rate. */
 typedef struct {
     float step_s;                         /* duration of a tick, s: call a tick at this rate and no other */

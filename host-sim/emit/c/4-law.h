@@ -105,6 +105,35 @@ static inline void springpot_look_ahead(
     springpot_meet(film, state, position + state->origin, surplus, elastic);
 }
 
+/* The force (N) of `count` fast modes, into which the increment `oldest` (m) flows. */
+static inline float springpot_of_modes(
+    const springpot_decay *SPRINGPOT_RESTRICT modes, float *SPRINGPOT_RESTRICT extensions, uint32_t count, float oldest)
+{
+    float force = 0.0F;
+    uint32_t i;
+
+    SPRINGPOT_UNROLL
+    for (i = 0U; i < count; i++) {
+        const float extension = extensions[i] + (oldest - (modes[i].loss * extensions[i]));
+        extensions[i] = extension;
+        force = force + (modes[i].weight * extension);
+    }
+    return force;
+}
+
+/* The force (N) of the `count` most recent increments (m). */
+static inline float springpot_of_head(const float *head, const float *recent, uint32_t count)
+{
+    float force = head[0] * recent[0];
+    uint32_t i;
+
+    SPRINGPOT_UNROLL
+    for (i = 1U; i < count; i++) {
+        force = force + (head[i] * recent[i]);
+    }
+    return force;
+}
+
 /* Stores the newest increment (m) and returns the force (N) at the next step if the film went on with it. */
 static inline float springpot_remember(
     const springpot_law *SPRINGPOT_RESTRICT law, springpot_state *SPRINGPOT_RESTRICT state, float increment)
@@ -120,8 +149,7 @@ static inline float springpot_remember(
     const float left_addend = oldest - state->left_surplus;
     const float left = left_before + left_addend;
     float slow = 0.0F;
-    float fast = 0.0F;
-    float head = law->head[0] * increment;
+    float fast;
     uint32_t i;
 
     state->newest = newest;
@@ -139,17 +167,8 @@ static inline float springpot_remember(
         dashpot->displacement = displacement;
         slow = slow + (law->slow[i].weight * (left - displacement));
     }
-    SPRINGPOT_UNROLL
-    for (i = 0U; i < SPRINGPOT_FAST; i++) {
-        const float extension = state->fast[i] + (oldest - (law->fast[i].loss * state->fast[i]));
-        state->fast[i] = extension;
-        fast = fast + (law->fast[i].weight * extension);
-    }
-    SPRINGPOT_UNROLL
-    for (i = 1U; i < SPRINGPOT_HEAD; i++) {
-        head = head + (law->head[i] * recent[i]);
-    }
-    return slow + (fast + head);
+    fast = springpot_of_modes(law->fast, state->fast, SPRINGPOT_FAST, oldest);
+    return slow + (fast + springpot_of_head(law->head, recent, SPRINGPOT_HEAD));
 }
 
 /* Completes `state` for the next step beside a spring: the force and the stiffness at the place ahead, from the force of the `memory` there

@@ -1,6 +1,6 @@
 //! The numbers of a film as a C source.
 
-use springpot::{Learning, Tracking};
+use springpot::{Learning, SelfSensing, Tracking};
 
 use crate::FORMAT;
 use crate::table::Table;
@@ -16,12 +16,14 @@ pub struct Film<'a> {
     pub tracking: &'a Tracking<f32>,
     /// Learning of periodic references, if it is configured.
     pub learning: Option<&'a Learning<f32>>,
+    /// The film as its own sensor, if it is configured: `self_sensing_` and the film's symbol in C.
+    pub self_sensing: Option<&'a SelfSensing<f32>>,
 }
 
 /// `NAME.c`: the tables of a film. One program can have several films: nothing but their symbols is visible.
 #[must_use]
 pub fn film(film: &Film) -> String {
-    let Film { symbol, name, tracking, learning } = *film;
+    let Film { symbol, name, tracking, learning, self_sensing } = *film;
     let step_s = tracking.observer().law().step_s();
     let name = plain(name);
     let mut text = format!(
@@ -32,14 +34,14 @@ pub fn film(film: &Film) -> String {
         rounded(1.0 / step_s),
         env!("CARGO_PKG_VERSION"),
     );
-    text.push_str(&Table::new(tracking, learning).definitions(symbol, step_s));
+    text.push_str(&Table::new(tracking, learning, self_sensing).definitions(symbol, step_s));
     text
 }
 
 /// Declarations of the structures of `film`, which has all of them: `c/2-film.h`.
 #[must_use]
 pub fn declarations(film: &Film) -> String {
-    Table::new(film.tracking, film.learning).declarations()
+    Table::new(film.tracking, film.learning, film.self_sensing).declarations()
 }
 
 /// `name` without what would end a comment or an attribute, or begin one within it.

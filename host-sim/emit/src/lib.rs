@@ -40,6 +40,7 @@ pub const HEADER: &str = concat!(
     include_str!("../c/8-cycles.h"),
     include_str!("../c/9-learning.h"),
     include_str!("../c/10-follower.h"),
+    include_str!("../c/11-self-sensing.h"),
 );
 
 /// `springpot_tick.h`: the tick of a film or of a law of control, which MATLAB, Simulink and FMUs step; the same for every film.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use springpot::{Learning, Numbers, Record, Tracking};
+use springpot::{Learning, Numbers, Record, SelfSensing, Tracking};
 
 /// Structures within `springpot_film`, in their order.
 const WITHIN: [&str; 5] = ["drive", "inverse", "observer", "fade", "adaptation"];
@@ -15,6 +15,8 @@ const BESIDE: [(&str, &str); 4] = [
 ];
 /// The structure at the end of `springpot_film`: it is the largest.
 const LAST: &str = "law";
+/// The structure with a symbol of its own, which a film without it does not have.
+const APART: &str = "self_sensing";
 
 /// The constants of a film, structure by structure.
 #[derive(Default)]
@@ -38,13 +40,20 @@ struct Field {
 }
 
 impl Table {
-    /// The constants of `tracking`, and of what learns, if anything does.
-    pub(crate) fn new(tracking: &Tracking<f32>, learning: Option<&Learning<f32>>) -> Self {
+    /// The constants of `tracking`, and of what learns and senses, if anything does.
+    pub(crate) fn new(
+        tracking: &Tracking<f32>,
+        learning: Option<&Learning<f32>>,
+        self_sensing: Option<&SelfSensing<f32>>,
+    ) -> Self {
         let mut table = Self::default();
         tracking.numbers(&mut table);
         tracking.numbers_of_changes(&mut table);
         if let Some(learning) = learning {
             learning.numbers(&mut table);
+        }
+        if let Some(sensing) = self_sensing {
+            sensing.numbers(&mut table);
         }
         table
     }
@@ -101,6 +110,12 @@ impl Table {
         }
         self.define_within(&mut text, LAST);
         text.push_str("};\n");
+        if let Some(structure) = self.find(APART) {
+            let (name, macro_name) = (format!("{APART}_{symbol}"), APART.to_uppercase());
+            let _ = writeln!(text, "\nSPRINGPOT_{macro_name}({name});\n\nconst springpot_{APART} {name} = {{");
+            structure.define(&mut text, "    ");
+            text.push_str("};\n");
+        }
         text
     }
 

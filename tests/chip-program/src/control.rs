@@ -3,9 +3,8 @@
 use core::hint::black_box;
 
 use springpot::{
-    Adapting, Applied, CapacitanceRelation, CommandLimits, Feedforward, FilmReading, Law, Learning, LearningOptions,
-    LearningState, Limited, Maxwell, Observer, ObserverOptions, SelfSensing, SelfSensingOptions, SensorSample,
-    Tracking,
+    Adapting, Applied, CommandLimits, Feedforward, FilmReading, Law, Learning, LearningOptions, LearningState, Limited,
+    Maxwell, Observer, ObserverOptions, SelfSensing, SelfSensingOptions, SensorSample, Tracking,
 };
 
 use crate::{Checksum, FILMS, Name, Report, STEPS, repeat};
@@ -132,8 +131,7 @@ fn learning(report: &mut impl Report, name: Name, law: &Law<f32>) {
 /// A tone of 50 V at a film that moves, whose relation creeps: in the mean of the ticks of its blocks, and in the longest of them.
 #[inline(never)]
 fn self_sensing(report: &mut impl Report, name: impl Fn(&'static str) -> Name) {
-    let relation = CapacitanceRelation { creep: 0.05, ..CapacitanceRelation::of_geometry(700e-12, 0.06, 2.0, 900e-12) };
-    let Ok(config) = SelfSensing::<f32>::new(&relation, SelfSensingOptions::BENCH) else { panic!("refused") };
+    let Ok(config) = SelfSensing::<f32>::new(&crate::relation(), SelfSensingOptions::BENCH) else { panic!("refused") };
     let mut state = config.state();
     let mut before = 0.0;
     let mut tick = |k: f32| {

@@ -12,8 +12,8 @@ use core::fmt;
 use core::hint::black_box;
 
 use springpot::{
-    Actuator, Compressed, Curve, Discretisation, Law, LawOptions, LawState, Maxwell, Measure, Memory, Preset, Spring,
-    Topology, VoltageDrive,
+    Actuator, CapacitanceRelation, Compressed, Curve, Discretisation, Law, LawOptions, LawState, Maxwell, Measure,
+    Memory, Preset, Spring, Topology, VoltageDrive,
 };
 
 /// Takes what the program reports.
@@ -140,6 +140,12 @@ pub fn curve() -> Curve {
     });
     let Ok(curve) = Curve::through(&points) else { panic!("the curve is refused") };
     curve
+}
+
+/// Displacement of a film of 700 to 900 pF, which creeps at a constant capacitance.
+#[must_use]
+pub fn relation() -> CapacitanceRelation {
+    CapacitanceRelation { creep: 0.05, ..CapacitanceRelation::of_geometry(700e-12, 0.06, 2.0, 900e-12) }
 }
 
 /// Subject of a report.

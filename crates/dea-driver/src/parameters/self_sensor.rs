@@ -120,8 +120,13 @@ mod with_current {
             &self.current
         }
 
+        /// Self-sensing as ticks compute it.
+        ///
+        /// # Errors
+        ///
+        /// As [`SelfSensing::with_creep`].
         #[inline(never)] // a small chip has no room for it beside a controller
-        pub(crate) fn sensing(&self) -> Result<SelfSensing<f32>, SelfSensingError> {
+        pub fn sensing(&self) -> Result<SelfSensing<f32>, SelfSensingError> {
             let creep = Coefficients {
                 method: Discretisation::Gl,
                 instant: f64::from(self.instant),

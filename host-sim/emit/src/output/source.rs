@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use dea_driver::Blob;
+use dea_driver::{Blob, SelfSensor};
 use host_io::files::output::{self, Folder, Folders, Staged};
 use host_io::files::parameters::Parameters;
 use host_io::{Error, Result};
@@ -98,8 +98,15 @@ impl Source {
     ) -> Result<Vec<(PathBuf, usize)>> {
         let symbol = self.symbol.as_str();
         let follower = blob.follower();
-        let described =
-            Film { symbol, name: &parameters.name, tracking: follower.compensator(), learning: follower.learning() };
+        let sensing = blob.parameters().self_sensing.as_ref().map(SelfSensor::sensing).transpose();
+        let sensing = sensing.map_err(|error| Error::Computation(error.to_string()))?;
+        let described = Film {
+            symbol,
+            name: &parameters.name,
+            tracking: follower.compensator(),
+            learning: follower.learning(),
+            self_sensing: sensing.as_ref(),
+        };
         let text = |(path, text): (PathBuf, String)| (path, text.into_bytes());
         let beside = |(name, content): (String, String)| text((self.out.with_file_name(name), content));
         let mut files: Vec<(PathBuf, Vec<u8>)> = match self.kind {

@@ -8,6 +8,7 @@
 #define STEPS 1000U
 
 extern const springpot_film *const job_films[];
+extern const springpot_self_sensing *const job_sensing[];
 extern const uint32_t job_count;
 
 static uint32_t out_file;
@@ -90,6 +91,8 @@ static springpot_feedforward_state feedforward;
 static springpot_observer_state observer;
 static springpot_tracking_state tracking;
 static springpot_learning_state learning;
+static const springpot_self_sensing *sensing;
+static springpot_self_sensing_state sensed;
 static float voltage;
 static uint32_t since;
 
@@ -156,6 +159,30 @@ static IN_PLACE float learning_tick(const springpot_film *film, float k)
     return springpot_learning_advance(film, &learning, reference(k), 0U);
 }
 
+static IN_PLACE float sensing_tick(const springpot_film *film, float k)
+{
+    const float before = voltage;
+    const springpot_sample *sample;
+    (void)film;
+    voltage = springpot_self_sensing_drive(sensing, &sensed, 5.0F * k);
+    sample = springpot_self_sensing_sense(sensing, &sensed, voltage, (700e-9F + (1e-10F * k)) * (voltage - before));
+    return (sample != NULL) ? (sample->displacement + sensed.sample_variance) : sensed.drive;
+}
+
+/* The first tick of a block, which has the displacement: in the mean of some blocks. */
+static void longest_tick(uint32_t number, const springpot_film *film)
+{
+    uint32_t cost_of_all = 0U;
+    uint32_t k;
+    for (k = 0U; k < STEPS; k++) {
+        const uint32_t idle = chip_moment();
+        const uint32_t start = chip_moment();
+        sink = sensing_tick(film, 3.0F);
+        cost_of_all += ((k % sensing->ticks) == 0U) ? (chip_between(start, chip_moment()) - chip_between(idle, start)) : 0U;
+    }
+    print("cost", "self-sensing-longest", number, cost_of_all / (STEPS / sensing->ticks));
+}
+
 /* Bits along the way, then what a step costs. */
 static IN_PLACE void ticks(const char *what, uint32_t number, const springpot_film *film, step one)
 {
@@ -218,6 +245,13 @@ static void run(uint32_t number)
             (void)springpot_learning_advance(film, &learning, reference((float)k), 0U);
         }
         ticks("learning", number, film, learning_tick);
+    }
+    if (job_sensing[number] != NULL) {
+        sensing = job_sensing[number];
+        voltage = 0.0F;
+        springpot_self_sensing_init(sensing, &sensed);
+        ticks("self-sensing", number, film, sensing_tick);
+        longest_tick(number, film);
     }
 }
 

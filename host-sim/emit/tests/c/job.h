@@ -10,6 +10,7 @@ static bool job_read(void *to, uint32_t bytes);
 static void job_write(const void *from, uint32_t bytes);
 
 extern const springpot_film *const job_films[];
+extern const springpot_self_sensing *const job_sensing[];
 
 typedef struct {
     float a;
@@ -64,6 +65,41 @@ static void job_adapt(const springpot_film *film, springpot_follower_state *foll
     }
     if ((in->flags & 8192U) != 0U) {
         springpot_follower_forget_changes(follower);
+    }
+}
+
+/* Self-sensing. */
+static void job_sense(const springpot_self_sensing *sensing, uint32_t steps)
+{
+    static springpot_self_sensing_state state;
+    uint32_t k;
+
+    memset(&state, 0xa5, sizeof state);
+    springpot_self_sensing_init(sensing, &state);
+    for (k = 0U; k < steps; k++) {
+        job_input in;
+        const springpot_sample *sample;
+        float tone;
+        if (!job_read(&in, (uint32_t)sizeof in)) {
+            return;
+        }
+        if ((in.flags & 1U) != 0U) {
+            springpot_self_sensing_init(sensing, &state);
+        }
+        if (in.age != UINT32_MAX) {
+            springpot_sample other;
+            other.displacement = in.sample;
+            other.age_ticks = in.age;
+            springpot_self_sensing_correct(sensing, &state, &other, 1e-10F);
+        }
+        sample = springpot_self_sensing_sense(sensing, &state, in.a, in.b);
+        tone = springpot_self_sensing_drive(sensing, &state, in.a);
+        if (sample != NULL) {
+            job_row(sample->displacement, springpot_self_sensing_uncertainty(&state), state.capacitance, state.resistance, job_bits(tone),
+                state.fault + (16U * sample->age_ticks));
+        } else {
+            job_row(state.drive, state.offset, 0.0F, 0.0F, job_bits(tone), state.fault);
+        }
     }
 }
 
@@ -155,7 +191,11 @@ static int job_all(void)
 {
     uint32_t head[3];
     while (job_read(head, (uint32_t)sizeof head)) {
-        job_run(head[0], job_films[head[1]], head[2]);
+        if (head[0] == 6U) {
+            job_sense(job_sensing[head[1]], head[2]);
+        } else {
+            job_run(head[0], job_films[head[1]], head[2]);
+        }
     }
     return 0;
 }

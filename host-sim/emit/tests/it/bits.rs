@@ -8,6 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::SensorSample;
 
+use crate::circuit;
 use crate::films::{self, Case};
 use crate::job::{self, FORGET_CHANGES, HOLD, Input, Kind, LEARN, OFF, RESTORE};
 use crate::program::{STRICT, Sources};
@@ -91,6 +92,14 @@ pub fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
         .collect()
 }
 
+/// The same, or readings of a film that is its own sensor.
+fn inputs_of(kind: Kind, case: &Case, recorded: &[(f32, f32)]) -> Vec<Input> {
+    match (kind, &case.sensed) {
+        (Kind::SelfSensing, Some(sensed)) => circuit::readings(sensed, recorded),
+        _ => inputs(kind, recorded),
+    }
+}
+
 /// Compares what C wrote with what Rust computes, and returns that.
 pub fn compare(kind: Kind, case: &Case, inputs: &[Input], written: &[u8]) -> Vec<job::Row> {
     let (c, rust) = (job::rows(written), job::run(kind, case, inputs));
@@ -106,7 +115,7 @@ pub fn compare(kind: Kind, case: &Case, inputs: &[Input], written: &[u8]) -> Vec
 pub fn all_kinds(run: impl Fn(&[u8]) -> Vec<u8>, (index, case): (usize, &Case), recorded: &[(f32, f32)]) -> Shown {
     let mut shown = Shown::default();
     for kind in Kind::ALL {
-        let inputs = inputs(kind, recorded);
+        let inputs = inputs_of(kind, case, recorded);
         let written = run(&job::bytes(kind, index, &inputs));
         let rows = compare(kind, case, &inputs, &written);
         if matches!(kind, Kind::Feedforward | Kind::Tracking | Kind::Learning) {
@@ -117,6 +126,10 @@ pub fn all_kinds(run: impl Fn(&[u8]) -> Vec<u8>, (index, case): (usize, &Case), 
         }
         if kind == Kind::Learning {
             shown.learned += rows.iter().filter(|row| f32::from_bits(row[2]) != 0.0).count();
+        }
+        if kind == Kind::SelfSensing {
+            shown.sensed += rows.iter().filter(|row| row[5] >= 16).count();
+            shown.faults |= rows.iter().fold(0, |all, row| all | 1 << (row[5] % 16));
         }
     }
     shown
@@ -129,6 +142,8 @@ pub struct Shown {
     learned: usize,
     /// Ticks of a law that has followed its film.
     aged: usize,
+    sensed: usize,
+    faults: u32,
 }
 
 /// Three recordings of 155 s, forwards, backwards and under each law of control: the bits of every step.
@@ -138,6 +153,7 @@ fn three_recordings_have_the_bits_of_rust() {
     let sources = Sources::new(&cases);
     let program = sources.compile("gcc", &[STRICT.as_slice(), &["-O2"]].concat(), &["host.c"]);
     let (mut limits, mut learned, mut aged) = (0, [0; 4], [0; 4]);
+    let (mut faults, mut sensed) = (0, 0);
     for path in recordings("hossain") {
         let recorded = recorded(&path, 155);
         for (index, case) in cases.iter().enumerate() {
@@ -145,9 +161,12 @@ fn three_recordings_have_the_bits_of_rust() {
             limits |= shown.limits;
             learned[index] += shown.learned;
             aged[index] += shown.aged;
+            faults |= shown.faults;
+            sensed += shown.sensed;
         }
     }
     assert_eq!(limits, 0xff, "all limits were met somewhere");
+    assert!(faults == 0b11111 && sensed > 10_000, "faults {faults:b}, {sensed} samples");
     let [plain, found, given, _] = learned;
     assert!(plain == 0 && found > 20_000 && given > 20_000, "ticks with something learned: {learned:?}");
     assert!(aged.iter().all(|&ticks| ticks > 100_000), "ticks with a law that has followed its film: {aged:?}");
@@ -204,6 +223,22 @@ fn orders_at_any_time_have_the_bits_of_rust() {
     }
 }
 
+/// Inputs of `kind` for each of `cases` along `recorded`, and their jobs.
+pub fn jobs(kind: Kind, cases: &[Case], recorded: &[(f32, f32)]) -> (Vec<Vec<Input>>, Vec<u8>) {
+    let inputs: Vec<_> = cases.iter().map(|case| inputs_of(kind, case, recorded)).collect();
+    let jobs = inputs.iter().enumerate().flat_map(|(index, inputs)| job::bytes(kind, index, inputs)).collect();
+    (inputs, jobs)
+}
+
+/// Compares what C wrote of all these jobs with what Rust computes.
+pub fn compare_all(kind: Kind, cases: &[Case], inputs: &[Vec<Input>], written: &[u8]) {
+    let chunks = written.chunks(24 * inputs[0].len());
+    assert_eq!(chunks.len(), cases.len());
+    for ((case, inputs), written) in cases.iter().zip(inputs).zip(chunks) {
+        compare(kind, case, inputs, written);
+    }
+}
+
 /// 200 random laws, with and without curves, first-order and second-order, with amplifiers that lag and with learning: the bits of 2 s each.
 #[test]
 fn two_hundred_random_laws_have_the_bits_of_rust() {
@@ -213,11 +248,8 @@ fn two_hundred_random_laws_have_the_bits_of_rust() {
     let [fast, ..] = recordings("wang");
     let recorded = recorded(&fast, 2);
     for kind in Kind::ALL {
-        let inputs = inputs(kind, &recorded);
-        let jobs: Vec<u8> = (0..cases.len()).flat_map(|index| job::bytes(kind, index, &inputs)).collect();
+        let (inputs, jobs) = jobs(kind, &cases, &recorded);
         let written = sources.run(&mut Command::new(&program), &jobs);
-        for (case, written) in cases.iter().zip(written.chunks(24 * inputs.len())) {
-            compare(kind, case, &inputs, written);
-        }
+        compare_all(kind, &cases, &inputs, &written);
     }
 }

@@ -5,13 +5,13 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use chip_program::{Checksum, FILMS, Film, Name, Report};
+use chip_program::{Checksum, FILMS, Name, Report};
 use documents::{Documents, Tolerance};
-use host_emit::{HEADER, film};
+use host_emit::{Film, HEADER, film};
 
-use crate::bits::{all_kinds, compare, inputs, recorded};
+use crate::bits::{all_kinds, compare_all, jobs, recorded};
 use crate::films::{self, Case};
-use crate::job::{self, Kind};
+use crate::job::Kind;
 use crate::program::{STRICT, Sources, source, succeeds};
 use crate::recordings::recordings;
 
@@ -133,13 +133,13 @@ fn three_recordings_have_the_bits_of_rust_on_the_cortex_m4f() {
 }
 
 /// The films of the chip program that are stepped every millisecond.
-fn program_films() -> Vec<(Film, Case)> {
+fn program_films() -> Vec<(chip_program::Film, Case)> {
     let all = FILMS.into_iter().filter(|film| film.step_s == 1e-3);
     all.map(|film| (film, films::of_program(film))).collect()
 }
 
 /// The output of the C program: `bits` and `cost` by the names that the Rust program gives them.
-fn measured(chip: &Chip, films: &[(Film, Case)], sources: &Sources) -> [BTreeMap<String, u64>; 2] {
+fn measured(chip: &Chip, films: &[(chip_program::Film, Case)], sources: &Sources) -> [BTreeMap<String, u64>; 2] {
     let output = sources.folder.path().join("output");
     let _ = fs::remove_file(&output);
     succeeds(&mut chip.run(sources.folder.path(), &["-icount", "shift=0"]));
@@ -159,8 +159,18 @@ fn measured(chip: &Chip, films: &[(Film, Case)], sources: &Sources) -> [BTreeMap
     })
 }
 
-const WHAT: [&str; 8] =
-    ["creep", "relaxation", "voltage", "feedforward", "observer", "tracking", "adaptive", "learning"];
+const WHAT: [&str; 10] = [
+    "creep",
+    "relaxation",
+    "voltage",
+    "feedforward",
+    "observer",
+    "tracking",
+    "adaptive",
+    "learning",
+    "self-sensing",
+    "self-sensing-longest",
+];
 
 /// Checksums of the Rust program on this host.
 #[derive(Default)]
@@ -196,8 +206,9 @@ fn steps_have_the_bits(chip: &Chip) {
     // A voltage from a force is an instruction more or less than 27, as its numbers have it.
     for (name, &cost) in costs.iter().filter(|(name, _)| !name.starts_with("voltage")) {
         println!("{}: {name} {cost}", chip.name);
-        // A row is about all presets.
+        // A row is about all presets, that of self-sensing about all laws.
         let row = name.split("/table").next().unwrap_or_default();
+        let row = if row.starts_with("self-sensing") { row.trim_end_matches("/12+36") } else { row };
         if let Some(column) = chip.rust {
             let rust = documents.number(&[row], column).expect("docs/results.md states what Rust takes");
             if cost as f64 > 1.10 * rust {
@@ -246,12 +257,8 @@ fn two_hundred_random_laws_have_the_bits_of_rust_on_the_cortex_m4f() {
     let [fast, ..] = recordings("wang");
     let recorded = recorded(&fast, 2);
     for kind in Kind::ALL {
-        let inputs = &inputs(kind, &recorded)[1000..1250];
-        let jobs: Vec<u8> = (0..cases.len()).flat_map(|index| job::bytes(kind, index, inputs)).collect();
-        let written = CORTEX_M4F.job(&sources, &jobs);
-        for (case, written) in cases.iter().zip(written.chunks(24 * inputs.len())) {
-            compare(kind, case, inputs, written);
-        }
+        let (inputs, jobs) = jobs(kind, &cases, &recorded[1000..1250]);
+        compare_all(kind, &cases, &inputs, &CORTEX_M4F.job(&sources, &jobs));
     }
 }
 
@@ -259,19 +266,26 @@ fn two_hundred_random_laws_have_the_bits_of_rust_on_the_cortex_m4f() {
 #[test]
 #[ignore = "needs arm-none-eabi-gcc: cargo xtask faces"]
 fn sizes_are_those_of_the_page() {
-    let cases = [films::plain(), films::rich()];
+    let [plain, rich] = [films::plain(), films::rich()];
     let folder = tempfile::TempDir::new().expect("a folder");
     let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).expect("written");
     write("springpot.h", HEADER);
-    write("plain.c", &film(&cases[0].film("film_plain")));
-    write("rich.c", &film(&cases[1].film("film_rich")));
-    fs::copy(source("tick.c"), folder.path().join("tick.c")).expect("copied");
+    let sensed = plain.film("film_plain");
+    write("sensed.c", &film(&sensed));
+    write("plain.c", &film(&Film { self_sensing: None, ..sensed }));
+    write("rich.c", &film(&Film { self_sensing: None, ..rich.film("film_rich") }));
+    for name in ["tick.c", "sense.c"] {
+        fs::copy(source(name), folder.path().join(name)).expect("copied");
+    }
     let documents = Documents::read().expect("readable");
     let mut off = Vec::new();
     for (row, file, level) in [
         ("a tick of tracking, -O2", "tick.c", "-O2"),
         ("a tick of tracking, -Os", "tick.c", "-Os"),
+        ("a tick of self-sensing, -O2", "sense.c", "-O2"),
+        ("a tick of self-sensing, -Os", "sense.c", "-Os"),
         ("a film", "plain.c", "-O2"),
+        ("a film that is its own sensor", "sensed.c", "-O2"),
         ("a film with curve, amplifier and learning", "rich.c", "-O2"),
     ] {
         let mut gcc = Command::new(CORTEX_M4F.compiler);

@@ -1,8 +1,11 @@
 //! Films to emit, and what drives them.
 
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 use springpot::{
-    Actuator, AmplifierLag, CommandLimits, Curve, Discretisation, Feedforward, Law, LawOptions, Learning,
-    LearningOptions, Measure, ObserverOptions, Preload, Preset, Spring, Tracking,
+    Actuator, AmplifierLag, CapacitanceRelation, CommandLimits, Curve, Discretisation, Feedforward, Law, LawOptions,
+    Learning, LearningOptions, Measure, ObserverOptions, Preload, Preset, SelfSensing, SelfSensingOptions, Spring,
+    Tracking,
 };
 
 use host_emit::Film;
@@ -14,16 +17,23 @@ pub struct Case {
     pub feedforward: Feedforward<f32>,
     pub tracking: Tracking<f32>,
     pub learning: Option<Learning<f32>>,
+    pub sensed: Option<Sensed>,
 }
 
 impl Case {
     /// The film as C, under `symbol`.
     pub fn film<'a>(&'a self, symbol: &'a str) -> Film<'a> {
-        Film { symbol, name: &self.name, tracking: &self.tracking, learning: self.learning.as_ref() }
+        Film {
+            symbol,
+            name: &self.name,
+            tracking: &self.tracking,
+            learning: self.learning.as_ref(),
+            self_sensing: self.sensed.as_ref().map(|sensed| &sensed.sensing),
+        }
     }
 
     /// None: a law of control is refused.
-    fn new(name: &str, law: Law<f32>, setup: &Setup) -> Option<Self> {
+    fn new(name: &str, law: Law<f32>, setup: &Setup, sensed: Option<Sensed>) -> Option<Self> {
         let Setup { actuator, amplifier, learning, bandwidths } = *setup;
         let limits = CommandLimits { amplifier, ..CommandLimits::BENCH };
         let tracking = bandwidths.iter().find_map(|&bandwidth_hz| {
@@ -32,7 +42,7 @@ impl Case {
         let learning = learning
             .map(|options| Learning::new(&law, &actuator, limits.max_voltage_v, options).expect("options of learning"));
         let feedforward = Feedforward::new(law.clone(), &actuator, limits).expect("as tracking");
-        Some(Self { name: name.into(), law, feedforward, tracking, learning })
+        Some(Self { name: name.into(), law, feedforward, tracking, learning, sensed })
     }
 
     /// The published model by these options, behind `curve` or beside a spring of its shape.
@@ -46,7 +56,38 @@ impl Case {
                 law.beside(&Spring::of_curve(&curve(), 3e3).expect("valid"), &measure).expect("curves")
             }
         };
-        Self::new(name, law, setup).expect("accepted")
+        Self::new(name, law, setup, Some(Sensed::random(33))).expect("accepted")
+    }
+}
+
+/// Self-sensing of a film, and what it was built of.
+pub struct Sensed {
+    pub sensing: SelfSensing<f32>,
+    pub relation: CapacitanceRelation,
+    pub options: SelfSensingOptions,
+}
+
+impl Sensed {
+    fn new(relation: CapacitanceRelation, options: SelfSensingOptions) -> Self {
+        Self { sensing: SelfSensing::new(&relation, options).expect("valid"), relation, options }
+    }
+
+    /// A film of any geometry whose relation creeps either way, any tone, monitors, cables.
+    fn random(seed: u64) -> Self {
+        let mut random = Pcg64::seed_from_u64(seed);
+        let mut of = |low: f64, high: f64| random.random_range(low..high);
+        let rest_f = of(200e-12, 900e-12);
+        let max_f = rest_f * of(1.1, 1.5);
+        let geometry = CapacitanceRelation::of_geometry(rest_f, of(0.02, 0.1), of(1.0, 4.0), max_f);
+        let relation = CapacitanceRelation { creep: of(-0.1, 0.2), alpha: of(0.1, 0.9), ..geometry };
+        let options = SelfSensingOptions {
+            tone_v: of(20.0, 100.0),
+            periods: 2 + (seed % 12) as u16,
+            cable_f: if seed % 3 == 2 { 0.0 } else { rest_f * of(0.1, 0.3) },
+            drift_s: of(1.0, 600.0),
+            ..SelfSensingOptions::BENCH
+        };
+        Self::new(relation, options)
     }
 }
 
@@ -134,7 +175,10 @@ pub fn of_program(film: chip_program::Film) -> Case {
     };
     let learning = LearningOptions { period_s: Some(0.05), sample_interval_s: 1e-3, ..LearningOptions::BENCH };
     let setup = Setup { actuator, learning: (!film.curved).then_some(learning), ..BENCH };
-    Case::new(film.preset, law, &setup).expect("accepted")
+    // As in the chip program.
+    let sensed =
+        (film == chip_program::FILMS[1]).then(|| Sensed::new(chip_program::relation(), SelfSensingOptions::BENCH));
+    Case::new(film.preset, law, &setup, sensed).expect("accepted")
 }
 
 /// 16 pieces from −0.8 mm to 2.4 mm, softer by a tenth, then stiffer.
@@ -169,7 +213,7 @@ pub fn random(count: usize) -> Vec<Case> {
             learning: (k % 7 == 6).then_some(LearningOptions { period_s: Some(0.5), ..LearningOptions::BENCH }),
             bandwidths: &[0.6, 0.1, 0.02, 0.004, 0.001],
         };
-        Case::new(name, law, &setup)
+        Case::new(name, law, &setup, Some(Sensed::random(k as u64)))
     });
     let cases: Vec<Case> = cases.take(count).collect();
     assert_eq!(cases.len(), count, "too few of the random models have a law and an observer");

@@ -1,7 +1,8 @@
 //! Jobs: a law or a law of control along given inputs, in Rust and for the C of `tests/c/job.h`.
 
 use springpot::{
-    Adapted, Adapting, Applied, Compensator, Follower, FollowerState, SensorSample, Tracking, VoltageCommand,
+    Adapted, Adapting, Applied, Compensator, FilmReading, Follower, FollowerState, SelfSensing, SelfSensingFault,
+    SensorSample, Tracking, VoltageCommand,
 };
 
 use crate::films::Case;
@@ -16,14 +17,22 @@ pub enum Kind {
     Observer = 3,
     Tracking = 4,
     Learning = 5,
+    SelfSensing = 6,
 }
 
 impl Kind {
-    pub const ALL: [Self; 6] =
-        [Self::Displacement, Self::Force, Self::Feedforward, Self::Observer, Self::Tracking, Self::Learning];
+    pub const ALL: [Self; 7] = [
+        Self::Displacement,
+        Self::Force,
+        Self::Feedforward,
+        Self::Observer,
+        Self::Tracking,
+        Self::Learning,
+        Self::SelfSensing,
+    ];
 }
 
-/// The input of a step: a force, a displacement, a voltage or a reference; a second number; a sample; orders.
+/// The input of a step: a force, a displacement, a voltage or a reference; a second number, of self-sensing a current; a sample; orders.
 #[derive(Clone, Copy, Debug)]
 pub struct Input {
     pub a: f32,
@@ -74,12 +83,54 @@ fn put_out(input: &Input) -> f32 {
     }
 }
 
+/// Five numbers and a word.
+fn row(numbers: [f32; 5], last: u32) -> Row {
+    let [a, b, c, d, e] = numbers.map(f32::to_bits);
+    [a, b, c, d, e, last]
+}
+
+/// Variance of samples of a second sensor, m².
+const VARIANCE_M2: f32 = 1e-10;
+
+/// Self-sensing along `inputs`: the number of a fault in the last word, with the age of a sample if there is one.
+fn sense(sensing: &SelfSensing<f32>, inputs: &[Input]) -> Vec<Row> {
+    let mut state = sensing.state();
+    let mut tick = |input: &Input| {
+        if input.flags & 1 != 0 {
+            state = sensing.state();
+        }
+        if let Some(sample) = input.sample {
+            sensing.correct(&mut state, sample, VARIANCE_M2);
+        }
+        let sensed = sensing.sense(&mut state, FilmReading { voltage_v: input.a, current_a: input.b });
+        let fault = match state.fault() {
+            None => 0,
+            Some(SelfSensingFault::NoTone) => 1,
+            Some(SelfSensingFault::Shorted) => 2,
+            Some(SelfSensingFault::CurrentMonitor) => 3,
+            Some(_) => 4,
+        };
+        let age = sensed.map_or(0, |sensed| u32::try_from(sensed.sample.age_ticks).expect("few"));
+        let (drive, tone) = (state.drive_v(), sensing.drive(&state, input.a));
+        match sensed {
+            Some(sensed) => {
+                let numbers = [
+                    sensed.sample.displacement_m,
+                    sensed.uncertainty_m(),
+                    sensed.capacitance_f,
+                    sensed.resistance_ohm,
+                    tone,
+                ];
+                row(numbers, fault + 16 * age)
+            }
+            None => row([drive, state.offset_m(), 0.0, 0.0, tone], fault),
+        }
+    };
+    inputs.iter().map(&mut tick).collect()
+}
+
 /// The same by the Rust laws.
 pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
-    let row = |numbers: [f32; 5], last: u32| {
-        let [a, b, c, d, e] = numbers.map(f32::to_bits);
-        [a, b, c, d, e, last]
-    };
     let Case { law, feedforward, tracking, learning, .. } = case;
     let mut state = law.state();
     match kind {
@@ -135,6 +186,7 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
                 })
                 .collect()
         }
+        Kind::SelfSensing => sense(&case.sensed.as_ref().expect("it is sensed").sensing, inputs),
         Kind::Tracking | Kind::Learning => {
             let follower: Follower<f32, _> = Follower::new(tracking.clone());
             let follower = match learning {

@@ -3,6 +3,7 @@
 mod bits;
 mod builds;
 mod chips;
+mod circuit;
 mod films;
 mod job;
 mod matlab;

@@ -76,6 +76,7 @@ fn expected((mode, kind): (&str, Option<Kind>), case: &Case, inputs: &[Input]) -
             Kind::Feedforward => [a, b, d, c, none, one, last],
             Kind::Observer => [a, some(input.a), None, nan, b, c, None],
             Kind::Tracking | Kind::Learning => [a, b, None, None, d, None, last],
+            Kind::SelfSensing => panic!("a mode of MATLAB is no self-sensing"),
         }
     };
     let mut ordered = inputs.to_vec();

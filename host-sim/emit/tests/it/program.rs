@@ -33,12 +33,23 @@ impl Sources {
                 let symbol = format!("film_{number}_{k}");
                 text += &film(&case.film(&symbol));
                 let _ = writeln!(list, "SPRINGPOT_FILM({symbol});");
+                if case.sensed.is_some() {
+                    let _ = writeln!(list, "SPRINGPOT_SELF_SENSING(self_sensing_{symbol});");
+                }
             }
             fs::write(path(&format!("films_{number}.c")), text).expect("written");
         }
         list += "extern const springpot_film *const job_films[];\nconst springpot_film *const job_films[] = {\n";
         for k in 0..cases.len() {
             let _ = writeln!(list, "    &film_{}_{},", k / 50, k % 50);
+        }
+        list += "};\nextern const springpot_self_sensing *const job_sensing[];\nconst springpot_self_sensing *const job_sensing[] = {\n";
+        for (k, case) in cases.iter().enumerate() {
+            let (file, film) = (k / 50, k % 50);
+            let _ = match case.sensed {
+                Some(_) => writeln!(list, "    &self_sensing_film_{file}_{film},"),
+                None => writeln!(list, "    NULL,"),
+            };
         }
         let _ = writeln!(list, "}};\nextern const uint32_t job_count;\nconst uint32_t job_count = {}U;", cases.len());
         fs::write(path("job_films.c"), list).expect("written");

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use host_emit::{HEADER, declarations, film, symbol};
+use host_emit::{Film, HEADER, declarations, film, symbol};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::Numbers;
@@ -33,6 +33,9 @@ fn every_number_is_written_to_its_last_bit() {
         if let Some(learning) = &case.learning {
             learning.numbers(&mut listed);
         }
+        if let Some(sensed) = &case.sensed {
+            sensed.sensing.numbers(&mut listed);
+        }
         let text = film(&case.film("film_x"));
         let (_, tables) = text.split_once("#endif").expect("a guard");
         let words = tables.split(|c: char| !(c.is_ascii_alphanumeric() || ".-+".contains(c)));
@@ -49,6 +52,17 @@ fn every_number_is_written_to_its_last_bit() {
         listed.0.sort_unstable();
         assert!(written.len() > 120 && written == listed.0, "{}", case.name);
     }
+}
+
+/// Self-sensing comes after the film, which is the same without it.
+#[test]
+fn a_film_without_self_sensing_has_nothing_of_it() {
+    let case = richest();
+    let with = case.film("film_x");
+    let without = film(&Film { self_sensing: None, ..with });
+    let rest = film(&with);
+    let rest = rest.strip_prefix(&without).expect("the film is the same");
+    assert!(!without.contains("sensing") && rest.contains("const springpot_self_sensing self_sensing_film_x = {"));
 }
 
 /// The header declares what Rust visits. `SPRINGPOT_WRITE=1` writes it.
