@@ -44,8 +44,8 @@ pub fn run(only: Option<Face>) -> Result<()> {
         match face {
             Face::C => {
                 setup::c_compilers()?;
-                // One after the other: emulators would take the cores from each other. Octave is a face of its own.
-                let emitted = "test --package host-emit -- --include-ignored --test-threads=1 --skip matlab";
+                // Two at a time: each keeps a core busy. Octave is a face of its own.
+                let emitted = "test --package host-emit -- --include-ignored --test-threads=2 --skip matlab";
                 run_command(cargo(emitted))?;
                 run_command(of_the_tool("export_c"))?;
             }
