@@ -13,13 +13,14 @@ use crate::process::{Result, at, cargo, make, output, read, root, write};
 const LIST: &str = ".cargo/mutants.txt";
 
 /// Sources that are mutated by rule: files, or folders with all of their files.
-const SOURCES: [&str; 9] = [
+const SOURCES: [&str; 10] = [
     "crates/dea-driver/src/safety",
     "crates/dea-driver/src/control/controller.rs",
     "crates/dea-driver/src/control/controller/orders.rs",
     "crates/dea-driver/src/control/setpoint.rs",
     "crates/dea-driver/src/chips/ad5754.rs",
     "crates/dea-driver/src/parameters/store.rs",
+    "crates/dea-driver/src/server/board.rs",
     "crates/dea-driver/src/server/device.rs",
     "crates/dea-driver/src/server/session.rs",
     "crates/springpot/src/control",

@@ -1,5 +1,6 @@
 //! The board's side of the link: the device that ticks, the session that answers a host, and uploads.
 
+mod board;
 mod device;
 mod flight_recorder;
 mod image;
@@ -10,8 +11,9 @@ mod parts;
 mod session;
 mod upload;
 
+pub use board::Board;
 pub use device::{Denial, Device};
 pub use flight_recorder::{FlightRecorder, FlightSlot};
 pub use image::Image;
-pub use session::{Board, Session, StartError};
+pub use session::{Session, StartError};
 pub use upload::Upload;

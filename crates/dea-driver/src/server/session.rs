@@ -1,103 +1,12 @@
 //! A conversation with a host: bytes in, answers out.
 
-use embedded_storage::nor_flash::NorFlash;
 use heapless::String;
-use springpot::Compressed;
 
-use crate::control::{AdaptationOrder, Controller, FlightRecord, LearningOrder, Mode};
-use crate::parameters::{Blob, BlobError, ControllerMemory, SCHEMA, Store, StoreError};
+use crate::control::{AdaptationOrder, Controller, LearningOrder, Mode};
+use crate::parameters::{Blob, BlobError, ControllerMemory, SCHEMA, StoreError};
 use crate::safety::{Cause, DriverState, Refusal};
-use crate::server::{Denial, Device, Upload};
-use crate::wire::{
-    Answer, Command, Identity, InjectedFault, Message, RECORDS, Receiver, Reject, Request, Status, VERSION,
-};
-
-/// The parts of a board that a [`Session`] uses. `M` is the memory of its controller's law.
-pub trait Board<M: ControllerMemory = Compressed<f32>> {
-    /// The flash of its parameters.
-    type Flash: NorFlash;
-
-    /// Its number; blobs for another one are refused.
-    const ID: u16;
-
-    /// Runs `work` while no tick can interrupt it, and returns how many cycles of the processor it took.
-    fn with<R>(&mut self, work: impl FnOnce(&mut Device<M>) -> R) -> (R, u32);
-
-    /// Slowest and fastest tick rate that it supports, Hz.
-    fn rates_hz(&self) -> (f32, f32);
-
-    /// The store of its parameters.
-    fn store(&mut self) -> &mut Store<Self::Flash, M>;
-
-    /// Saves a blob. Ticks may be held up while the flash erases and writes, a second or two; the amplifier is disabled.
-    ///
-    /// # Errors
-    ///
-    /// As [`Store::save`].
-    fn save(&mut self, blob: &[u8]) -> Result<(), StoreError> {
-        self.store().save(blob).map(drop)
-    }
-
-    /// Ticks at `rate_hz` from now on.
-    fn set_rate(&mut self, rate_hz: f32);
-
-    /// The record of its flight recorder that is `back` records older than the newest.
-    fn flight_record(&mut self, back: u32) -> Option<FlightRecord> {
-        let _ = back;
-        None
-    }
-
-    /// Bytes of the link that were lost so far because the background was behind, wrapping.
-    fn lost_bytes(&self) -> u32 {
-        0
-    }
-
-    /// Largest depth of the stack so far, bytes; 0 where it is not measured.
-    fn stack_peak(&self) -> u32 {
-        0
-    }
-
-    /// A number that differs from board to board and from one call to the next, also after a reset: of a chip's id and a fast counter. Tokens depend
-    /// on it.
-    fn noise(&self) -> u32 {
-        0
-    }
-
-    /// The message of the firmware's last panic; empty if there was none.
-    #[allow(clippy::unnecessary_literal_bound)] // a board returns its own
-    fn panic_message(&self) -> &str {
-        ""
-    }
-
-    /// Remembers over a reset whether the parameters in force were only tried: they are gone then, and what the flash keeps may allow
-    /// more. A board without memory that survives a reset leaves both out.
-    fn remember_trial(&mut self, on_trial: bool) {
-        let _ = on_trial;
-    }
-
-    /// Whether a trial was remembered last, before a reset or since.
-    fn remembers_trial(&self) -> bool {
-        false
-    }
-
-    /// Feeds the watchdog no more, so that it resets the chip: shows that there is one. The amplifier is disabled. False where there is
-    /// no watchdog to be tried.
-    fn stop_feeding_watchdog(&mut self) -> bool {
-        false
-    }
-
-    /// Whether what was checked of the program's [image](crate::server::Image) in this call is as it was at the start: asked in every turn of the
-    /// background.
-    fn image_is_intact(&mut self) -> bool {
-        true
-    }
-
-    /// Causes a fault on purpose, in an image with a virtual bench; false in any other, and for one that it cannot cause.
-    fn inject_fault(&mut self, fault: InjectedFault) -> bool {
-        let _ = fault;
-        false
-    }
-}
+use crate::server::{Board, Denial, Device, Upload};
+use crate::wire::{Answer, Command, Identity, Message, RECORDS, Receiver, Reject, Request, Status, VERSION};
 
 /// The board's side of the link.
 ///
