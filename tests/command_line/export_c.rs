@@ -168,6 +168,20 @@ fn an_exported_film_is_its_own_sensor() {
     }
     assert!(expected.lines().count() > 90);
     assert_eq!(ran(&bench, "./main"), expected);
+    // The tick of the page: with a tone, and at 0 V from the fault of a broken current monitor on.
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/c.md")).expect("there");
+    let tick = blocks(&page, "```c\n").into_iter().find(|block| block.contains("sensed_tick")).expect("there");
+    let head = "#include <stdio.h>\n#include \"springpot.h\"\nSPRINGPOT_FILM(film);\nSPRINGPOT_SELF_SENSING(self_sensing_film);\n";
+    let main = "int main(void)\n{\n    static springpot_follower_state state;\n    static springpot_self_sensing_state sensed;\n\
+         springpot_command command = {0.0F, 0.0F, 0.0F, 0U};\n    float before = 0.0F;\n    float current = 0.0F;\n\
+         springpot_follower_init(&film, &state, true, false);\n    springpot_self_sensing_init(&self_sensing_film, &sensed);\n\
+         for (uint32_t k = 0U; k < 600U; k++) {\n        const float voltage = sensed_tick(&film, &state, &self_sensing_film, &sensed,\n\
+         &command, before, current, 2e-4F);\n        current = (k < 400U) ? (700e-9F * (voltage - before)) : 0.0F;\n        before = voltage;\n\
+         if ((k == 399U) || (k == 599U)) {\n            printf(\"%u %d %d\\n\", (unsigned)sensed.fault, voltage > 100.0F, command.voltage > 0.0F);\n\
+         }\n    }\n    return 0;\n}\n";
+    bench.write("tick.c", [head, tick, main].concat());
+    ran(&bench, "gcc -std=c99 -O2 -Wall -Wextra tick.c film.c -lm -o tick");
+    assert_eq!(ran(&bench, "./tick"), "0 1 1\n3 0 0\n");
 }
 
 /// The library has what Arduino and PlatformIO ask for.
