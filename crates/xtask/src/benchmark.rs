@@ -9,9 +9,10 @@ use crate::test::QEMU;
 
 /// All films with a release of the tool, and the tensile test in the file `measured`.
 pub fn run(measured: Option<&Path>) -> Result<()> {
+    // The program runs in the root of the project. A file that is missing is refused before the builds.
+    let there = |file: &Path| file.metadata().and_then(|_| absolute(file)).map_err(at(file));
+    let measured = measured.map(there).transpose()?;
     run_command(cargo("build --quiet --release --package host-sim"))?;
-    // The program runs in the root of the project.
-    let measured = measured.map(|file| absolute(file).map_err(at(file))).transpose()?;
     let options = measured.as_ref().map_or_else(Vec::new, |file| vec!["--measured".as_ref(), file.as_os_str()]);
     start("release", &options)
 }
