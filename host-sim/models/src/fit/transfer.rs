@@ -1,8 +1,10 @@
 //! The model in the frequency domain with its derivatives, and the solution of its coupled motion.
 
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
 use num_complex::Complex;
 use rayon::prelude::*;
-use springpot::{Compressed, Law, LawOptions, Load, Maxwell, Springpot};
+use springpot::{Chain, Compressed, Law, LawOptions, Load, Maxwell, Springpot};
 
 use super::candidate::Curves;
 use crate::replay::coupling::PullIn;
@@ -23,9 +25,6 @@ const TOLERANCE: f64 = 1e-8;
 
 /// Corrections of coupled motion before it is given up.
 const MAX_CORRECTIONS: usize = 12;
-
-/// Points that one task computes.
-const CHUNK: usize = 1024;
 
 /// The dynamic stiffness of a model on a circle, with its derivatives.
 pub(super) struct Transfer {
@@ -58,23 +57,13 @@ impl Transfer {
             (Some(law), Some(Curves { curve, spring: Some(spring) })) => Some(law.beside(spring, curve).ok()?),
             (law, _) => law,
         };
-        let pieces: Vec<Piece> = nodes.ln_s().par_chunks(CHUNK).map(|ln_s| Piece::new(model, ln_s)).collect();
-        let points = nodes.ln_s().len();
-        let mut stiffness = Vec::with_capacity(points);
-        let elements = model.chains().map(|chain| chain.elements.len()).sum();
-        let mut sensitivities: Vec<Spectrum> = (0..elements).map(|_| Vec::with_capacity(points)).collect();
-        for piece in pieces {
-            stiffness.extend(piece.stiffness);
-            for (whole, part) in sensitivities.iter_mut().zip(piece.sensitivities) {
-                whole.extend(part);
-            }
-        }
+        let (stiffness, sensitivities) = at_nodes(model, nodes);
         let stiffness = nodes.spread(stiffness);
         let compliance: Spectrum = stiffness.iter().map(Complex::inv).collect();
         let finite = compliance.iter().all(|h| h.re.is_finite() && h.im.is_finite());
         let (mut inertia, mut kernel) = (Spectrum::new(), Spectrum::new());
         if curves.is_some() {
-            inertia = circle.ln_s().iter().map(|z| (2.0 * z).exp() * model.mass_kg()).collect();
+            inertia = nodes.squares(circle).iter().map(|square| square * model.mass_kg()).collect();
             kernel = stiffness.iter().zip(&inertia).map(|(stiffness, inertia)| stiffness - inertia).collect();
         }
         finite.then_some(Self { compliance, stiffness, inertia, kernel, sensitivities, law })
@@ -155,52 +144,36 @@ impl Transfer {
     }
 }
 
-/// m s² + K and ∂K/∂ ln c of every element at some points of a circle.
-struct Piece {
-    stiffness: Spectrum,
-    sensitivities: Vec<Spectrum>,
-}
-
-impl Piece {
-    /// K is the sum over [`Maxwell::chains`]. With J_i = 1/(c_i s^α_i), a chain of factor n has K = n / Σ J, and its
-    /// derivative is ∂K/∂ ln c_i = n J_i / (Σ J)².
-    fn new(model: &Maxwell, ln_s: &[Complex<f64>]) -> Self {
-        let mut stiffness: Spectrum = ln_s.iter().map(|z| (2.0 * z).exp() * model.mass_kg()).collect();
-        let mut sensitivities = Vec::new();
-        for chain in model.chains() {
-            if let [single] = chain.elements {
-                let modulus: Spectrum = power(ln_s, single, 1.0).into_iter().map(|k| k * chain.scale).collect();
-                stiffness.iter_mut().zip(&modulus).for_each(|(sum, k)| *sum += k);
-                sensitivities.push(modulus);
-                continue;
+/// m s² + K, and ∂K/∂ ln c of every element, at the nodes.
+///
+/// K is the sum over [`Maxwell::chains`]. With J_i = 1/(c_i s^α_i), a chain of factor n has K = n / Σ J, and its
+/// derivative is ∂K/∂ ln c_i = n J_i / (Σ J)².
+fn at_nodes(model: &Maxwell, nodes: &Nodes) -> (Spectrum, Vec<Spectrum>) {
+    let inertia = |&[size, cos, sin]: &[f64; 3]| Complex::new(size * cos, size * sin) * model.mass_kg();
+    let mut stiffness: Spectrum = nodes.polar(2.0).iter().map(inertia).collect();
+    let sign = |chain: &Chain<'_>| if chain.elements.len() == 1 { 1.0 } else { -1.0 };
+    let signed: Vec<(&Springpot, f64)> =
+        model.chains().flat_map(|chain| chain.elements.iter().map(move |element| (element, sign(&chain)))).collect();
+    let mut powers = signed.par_iter().map(|&(e, sign)| nodes.power(e, sign)).collect::<Vec<Spectrum>>().into_iter();
+    let mut sensitivities = Vec::new();
+    for chain in model.chains() {
+        let mut powers: Vec<Spectrum> = powers.by_ref().take(chain.elements.len()).collect();
+        if let [modulus] = &mut powers[..] {
+            for (sum, k) in stiffness.iter_mut().zip(modulus) {
+                *k *= chain.scale;
+                *sum += *k;
             }
-            let compliances: Vec<Spectrum> = chain.elements.iter().map(|e| power(ln_s, e, -1.0)).collect();
-            let factors: Spectrum = (0..ln_s.len())
-                .map(|j| {
-                    let inverse = compliances.iter().map(|c| c[j]).sum::<Complex<f64>>().inv();
-                    stiffness[j] += inverse * chain.scale;
-                    inverse * inverse * chain.scale
-                })
-                .collect();
-            for mut compliance in compliances {
-                compliance.iter_mut().zip(&factors).for_each(|(c, f)| *c *= f);
-                sensitivities.push(compliance);
+        } else {
+            for (j, sum) in stiffness.iter_mut().enumerate() {
+                let inverse = powers.iter().map(|compliance| compliance[j]).sum::<Complex<f64>>().inv();
+                *sum += inverse * chain.scale;
+                let factor = inverse * inverse * chain.scale;
+                powers.iter_mut().for_each(|compliance| compliance[j] *= factor);
             }
         }
-        Self { stiffness, sensitivities }
+        sensitivities.extend(powers);
     }
-}
-
-/// (c s^α)^`sign` at the points `ln_s`.
-fn power(ln_s: &[Complex<f64>], element: &Springpot, sign: f64) -> Spectrum {
-    let (alpha, factor) = (sign * element.alpha, element.c.powf(sign));
-    ln_s.iter()
-        .map(|z| {
-            let size = factor * (alpha * z.re).exp();
-            let (sin, cos) = (alpha * z.im).sin_cos();
-            Complex::new(size * cos, size * sin)
-        })
-        .collect()
+    (stiffness, sensitivities)
 }
 
 /// The law that approximates coupled motion along `circle`.
@@ -229,11 +202,25 @@ const PER_UNIT: f64 = 256.0;
 ///
 /// The dynamic stiffness is a smooth function of the logarithm of the frequency. On a circle of hundreds of thousands of points
 /// most of them can be interpolated between nodes that are even in that logarithm.
+#[derive(Default)]
 pub(super) struct Nodes {
     ln_s: Vec<Complex<f64>>,
     /// For every point behind the dense ones: the node before it, and the share of the distance to the next.
     places: Vec<(u32, f64)>,
+    /// Powers of s at the nodes, the last used at the end: a search along one variable changes one of them, and most dashpots stay dashpots.
+    powers: Mutex<Vec<Power>>,
+    /// s² at all points.
+    squares: OnceLock<Spectrum>,
 }
+
+/// s to a power at the nodes: size, cosine and sine of the angle.
+struct Power {
+    exponent: f64,
+    at_nodes: Arc<[[f64; 3]]>,
+}
+
+/// Powers that are kept: those of a model of five branches, and as many that were tried.
+const MAX_POWERS: usize = 22;
 
 impl Nodes {
     /// The nodes of `circle`.
@@ -241,7 +228,7 @@ impl Nodes {
         let points = circle.ln_s().len();
         let reach = (points.max(DENSE) as f64 / DENSE as f64).ln() * PER_UNIT;
         if 2.0 * reach + DENSE as f64 > points as f64 {
-            return Self { ln_s: circle.ln_s().to_vec(), places: Vec::new() };
+            return Self { ln_s: circle.ln_s().to_vec(), ..Self::default() };
         }
         // One node before the first interpolated point, and two behind the last.
         let node = |k: usize| circle.ln_s_between(DENSE as f64 * ((k as f64 - 1.0) / PER_UNIT).exp());
@@ -250,12 +237,41 @@ impl Nodes {
             let distance = (point as f64 / DENSE as f64).ln() * PER_UNIT;
             (distance as u32, distance.fract())
         };
-        Self { ln_s, places: (DENSE..points).map(place).collect() }
+        Self { ln_s, places: (DENSE..points).map(place).collect(), ..Self::default() }
     }
 
-    /// ln s at the nodes.
-    pub(super) fn ln_s(&self) -> &[Complex<f64>] {
-        &self.ln_s
+    /// s² at all points of `circle`, whose nodes these are.
+    fn squares(&self, circle: &FullMemory) -> &Spectrum {
+        self.squares.get_or_init(|| circle.ln_s().iter().map(|z| (2.0 * z).exp()).collect())
+    }
+
+    /// (c s^α)^`sign` of `element`.
+    fn power(&self, element: &Springpot, sign: f64) -> Spectrum {
+        let factor = element.c.powf(sign);
+        let times = |&[size, cos, sin]: &[f64; 3]| Complex::new(factor * size * cos, factor * size * sin);
+        self.polar(sign * element.alpha).iter().map(times).collect()
+    }
+
+    /// s^`exponent`.
+    fn polar(&self, exponent: f64) -> Arc<[[f64; 3]]> {
+        let kept = || self.powers.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut powers = kept();
+        if let Some(place) = powers.iter().position(|power| power.exponent == exponent) {
+            powers[place..].rotate_left(1);
+            return powers[powers.len() - 1].at_nodes.clone();
+        }
+        drop(powers);
+        let polar = |z: &Complex<f64>| {
+            let (sin, cos) = (exponent * z.im).sin_cos();
+            [(exponent * z.re).exp(), cos, sin]
+        };
+        let at_nodes: Arc<[[f64; 3]]> = self.ln_s.iter().map(polar).collect();
+        let mut powers = kept();
+        if powers.len() == MAX_POWERS {
+            powers.remove(0);
+        }
+        powers.push(Power { exponent, at_nodes: at_nodes.clone() });
+        at_nodes
     }
 
     /// The values at all points from those at the nodes.
