@@ -310,15 +310,16 @@ pub fn chromium() -> Result<&'static str> {
     Ok(there().unwrap_or("chromium"))
 }
 
-/// Path of a program of cargo in this version, installed into target/tools if it is missing there.
+/// Path of a program of cargo in this version, installed into target/tools if it is missing there. Not optimised: building it takes longer than all
+/// that it does.
 pub fn tool(name: &str, version: &str, options: &str) -> Result<PathBuf> {
     let tools = root().join("target").join("tools");
     let program = tools.join("bin").join(name);
     // Some do not know their version: cargo's own list does.
     let listed = read(&tools.join(".crates.toml")).unwrap_or_default();
     if !(program.exists() && listed.contains(&format!("\"{name} {version} "))) {
-        let mut tool = cargo(&format!("install --quiet --locked --force {options} {name}@{version} --root"));
-        tool.arg(&tools);
+        let mut tool = cargo(&format!("install --quiet --debug --locked --force {options} {name}@{version} --root"));
+        tool.arg(&tools).env("CARGO_PROFILE_DEV_DEBUG", "0");
         install(tool)?;
     }
     Ok(program)
