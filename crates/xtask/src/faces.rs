@@ -12,7 +12,7 @@ use clap::ValueEnum;
 use crate::process::{Result, cargo, command, format, make, output, read, root, run as run_command};
 use crate::python::{environment, interpreter, pip};
 use crate::test::QEMU;
-use crate::{benchmark, embedded, other_board, setup, windows};
+use crate::{benchmark, embedded, other_board, setup, test, windows};
 
 /// A language, or the crates on other boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -45,9 +45,8 @@ pub fn run(only: Option<Face>) -> Result<()> {
             Face::C => {
                 setup::c_compilers()?;
                 // Two at a time: each keeps a core busy. Octave is a face of its own.
-                let emitted = "test --package host-emit -- --include-ignored --test-threads=2 --skip matlab";
-                run_command(cargo(emitted))?;
-                run_command(of_the_tool("export_c"))?;
+                run_command(ignored("emitted", "--test-threads=2 --skip matlab"))?;
+                run_command(ignored(TOOL, "export_c"))?;
             }
             // On cores that are not the firmware's, with all films on that one too, and the example firmware for boards of these.
             Face::Rust => {
@@ -62,14 +61,14 @@ pub fn run(only: Option<Face>) -> Result<()> {
             Face::Benchmark => benchmark::sample()?,
             Face::Octave => {
                 setup::octave()?;
-                run_command(cargo("test --package host-emit matlab -- --include-ignored"))?;
-                run_command(of_the_tool("export_sfunction"))?;
+                run_command(ignored("emitted", "matlab"))?;
+                run_command(ignored(TOOL, "export_sfunction"))?;
             }
             Face::Fmu => {
                 setup::make()?;
                 let python = environment(&root().join("target").join("faces").join("fmu"))?;
                 run_command(pip(&python, "install", &["--requirement", "host-sim/emit/tests/fmu/requirements.txt"]))?;
-                let mut tests = of_the_tool("export_fmu");
+                let mut tests = ignored(TOOL, "export_fmu");
                 tests.env("SPRINGPOT_FMPY", &python);
                 run_command(tests)?;
             }
@@ -90,14 +89,10 @@ fn browser(named: bool) -> Result<()> {
     run_command(pip(&python, "install", &["--no-deps", "axe-playwright-python==0.1.8"]))?;
     let find = "import importlib.util, pathlib; print(next(pathlib.Path(importlib.util.find_spec('axe_playwright_python').origin).parent.rglob('axe.min.js')))";
     let axe = output(command(&python, &["-c", find]))?;
-    run_command(cargo(&format!(
-        "build --quiet --workspace --bin host-sim-under-test --bin virtual-board-on-host {QEMU}"
-    )))?;
-    let programs = root().join("target").join("debug");
+    let [tool, board] = test::programs()?;
     let mut test = command(&python, &["host-sim/tests/browser/bench.py", browser]);
     let pictures = built.join("pictures");
-    test.args([programs.join("host-sim-under-test"), programs.join("virtual-board-on-host"), pictures.clone()])
-        .arg(CLICKS);
+    test.args([tool, board, pictures.clone()]).arg(CLICKS);
     test.env("SPRINGPOT_AXE", axe.trim());
     run_command(test)?;
     for name in ["bench.webp", "bench-phone.webp"].into_iter().filter(|_| named) {
@@ -107,9 +102,12 @@ fn browser(named: bool) -> Result<()> {
     Ok(())
 }
 
-/// The tests of a module of the command line, also those that need more than the default run has.
-fn of_the_tool(module: &str) -> Command {
-    cargo(&format!("test --package tests --test command_line {module} -- --include-ignored"))
+/// The tests of the command line.
+const TOOL: &str = "command_line";
+
+/// Tests of the `target` that `options` name, also those that need more than the default run has: with the features of that run, which has built them.
+fn ignored(target: &str, options: &str) -> Command {
+    cargo(&format!("test --workspace {QEMU} --test {target} -- --include-ignored {options}"))
 }
 
 /// The Python package, as a wheel.
@@ -125,8 +123,7 @@ fn python() -> Result<()> {
     same_versions(&package)?;
     format(&package)?;
     run_command(here(cargo("clippy --quiet --release --locked -- -D warnings")))?;
-    // As the tests build it: its numbers are those of a release.
-    run_command(cargo(&format!("build --quiet --workspace --bin host-sim --bin virtual-board-on-host {QEMU}")))?;
+    let [tool, board] = test::programs()?;
     run_command(here(pip(&python, "install", &["--requirement", "requirements.txt"])))?;
     let wheels = built.join("wheels");
     make(&wheels)?;
@@ -149,9 +146,7 @@ fn python() -> Result<()> {
     run_command(without_rust(command(&fresh, &["examples/cost.py"])))?;
     run_command(without_rust(pip(&python, "install", &wheel)))?;
     let mut tests = without_rust(command(&python, &["-m", "pytest"]));
-    let programs = root().join("target").join("debug");
-    tests.env("SPRINGPOT_HOST_SIM", programs.join("host-sim"));
-    tests.env("SPRINGPOT_VIRTUAL_BOARD", programs.join("virtual-board-on-host"));
+    tests.env("SPRINGPOT_HOST_SIM", tool).env("SPRINGPOT_VIRTUAL_BOARD", board);
     run_command(tests)
 }
 

@@ -1,7 +1,7 @@
 //! Every check and every test, stage by stage, on the host and in QEMU.
 
 use std::num::NonZero;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 use std::{env, fs, thread};
@@ -130,6 +130,12 @@ pub const QEMU: &str = "--features tests/qemu";
 /// Those of boards that tick in real time, which mostly wait.
 const LINK: &str = "--features tests/qemu --test link_commands";
 
+/// The tool and the virtual board as the tests have them, with the numbers of a release.
+pub fn programs() -> Result<[PathBuf; 2]> {
+    run_command(cargo(&format!("test --quiet --workspace {QEMU} --test command_line --no-run")))?;
+    Ok(["host-sim-under-test", "virtual-board-on-host"].map(|name| root().join("target").join("debug").join(name)))
+}
+
 /// The tests of the workspace, more at a time than two cores can run: those of boards and emulators mostly wait.
 fn tests(options: &str) -> Command {
     let mut tests = cargo(&format!("test --quiet --workspace --no-fail-fast {options}"));
@@ -215,9 +221,7 @@ fn documentation() -> Result<()> {
     run_command(doc)
 }
 
-/// The electrostatics on springpot's fast square root.
+/// The electrostatics on springpot's fast square root. The other packages keep the features with which they are built already.
 fn micromath(options: &str) -> Result<()> {
-    run_command(cargo(&format!(
-        "test --quiet --package springpot --features micromath --test electrostatics {options}"
-    )))
+    run_command(cargo(&format!("test --quiet --workspace {QEMU},springpot/micromath --test electrostatics {options}")))
 }
