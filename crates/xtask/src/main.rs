@@ -30,6 +30,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use embedded::Films;
+use release::Making;
 
 /// Chores of the project.
 #[derive(Parser)]
@@ -102,9 +103,12 @@ enum Chore {
     /// Make the files of a release in target/dist/files, from the last commit (docs/CONTRIBUTING.md lists them). Uploads nothing; installs
     /// compiler targets, MinGW, and tools of cargo and Python into target/tools.
     Release {
-        /// Make them again in another folder, and compare the digests.
+        /// Make them again in another folder, as another user and in another time zone, and compare the digests.
         #[arg(long)]
         twice: bool,
+        /// The second time of --twice alone, in target/dist/files-again.
+        #[arg(long, hide = true, conflicts_with = "twice")]
+        again: bool,
         /// Only the tool for this target, such as x86_64-unknown-linux-musl.
         #[arg(long)]
         target: Option<String>,
@@ -134,7 +138,16 @@ fn main() -> ExitCode {
         Chore::Campaign { part, sample, only } => campaign::run(part, sample, only.as_deref()),
         Chore::Page => page::run(),
         Chore::Book => book::run(),
-        Chore::Release { twice, target } => release::run(target.as_deref(), twice),
+        Chore::Release { twice, again, target } => {
+            let making = if twice {
+                Making::Twice
+            } else if again {
+                Making::Again
+            } else {
+                Making::Once
+            };
+            release::run(target.as_deref(), &making)
+        }
         Chore::Deny => advisories::deny(),
     };
     match done {

@@ -40,15 +40,32 @@ const FILES: [&str; 20] = [
 /// Tools of cargo: one lists the dependencies in a binary, the other writes them as CycloneDX.
 const TOOLS: [(&str, &str); 2] = [("cargo-auditable", "0.7.7"), ("cargo-cyclonedx", "0.5.9")];
 
-/// Makes all files in target/dist/files, or of the tool alone that of the system `only`; `twice`: also in another folder, and compares their
-/// digests.
-pub fn run(only: Option<&str>, twice: bool) -> Result<()> {
+/// How often the files of a release are made.
+pub enum Making {
+    /// The files, in target/dist/files.
+    Once,
+    /// These, and again as another user would; compares their digests.
+    Twice,
+    /// Only the second time of `Twice`.
+    Again,
+}
+
+/// Where the sources are copied to the first and the second time, and where the files then are, in target/dist.
+const FIRST: [&str; 2] = ["source", "files"];
+const SECOND: [&str; 2] = ["another-folder/with-a-longer-name", "files-again"];
+
+/// Makes all files, or of the tool alone that of the system `only`.
+pub fn run(only: Option<&str>, making: &Making) -> Result<()> {
     let systems: Vec<&System> = SYSTEMS.iter().filter(|system| only.is_none_or(|only| only == system.target)).collect();
     let targets: Vec<&str> = systems.iter().map(|system| system.target).collect();
     if targets.is_empty() {
         return Err(format!("--target: one of {}", SYSTEMS.each_ref().map(|system| system.target).join(", ")));
     }
     let dist = root().join("target").join("dist");
+    let made = |[folder, out]: [&str; 2]| files(&systems, only.is_none(), dist.join(folder), &dist.join(out));
+    if matches!(making, Making::Again) {
+        return made(SECOND).map(drop);
+    }
     if targets.contains(&WINDOWS) && dist.to_string_lossy().contains(' ') {
         return Err(format!("{}: MinGW takes no path with a blank: clone the project to one without", dist.display()));
     }
@@ -59,11 +76,11 @@ pub fn run(only: Option<&str>, twice: bool) -> Result<()> {
     for (tool, version) in TOOLS {
         setup::tool(tool, version, "")?;
     }
-    let made = |folder: PathBuf, out: &str| files(&systems, only.is_none(), folder, &dist.join(out));
-    let sums = made(dist.join("source"), "files")?;
+    let sums = made(FIRST)?;
     println!("{sums}");
-    if twice {
-        let again = made(dist.join("another-folder").join("with-a-longer-name"), "files-again")?;
+    if matches!(making, Making::Twice) {
+        run_command(as_another_user(only, &dist)?)?;
+        let again = read(&dist.join(SECOND[1]).join("SHA256SUMS"))?;
         let differ = sums.lines().zip(again.lines()).find(|(one, other)| one != other);
         if let Some((one, other)) = differ {
             return Err(format!("not reproducible: {one} and {other}"));
@@ -71,6 +88,31 @@ pub fn run(only: Option<&str>, twice: bool) -> Result<()> {
         println!("twice the same bytes");
     }
     Ok(())
+}
+
+/// This program as the user 1000 of a namespace of its own where the system allows that, with another home, umask, language and local time.
+fn as_another_user(only: Option<&str>, dist: &Path) -> Result<Command> {
+    let user = ["unshare", "--user", "--map-user=1000", "--map-group=1000"];
+    let is_allowed = output(command(user[0], &[&user[1..], &["true"]].concat())).is_ok();
+    let home = dist.join("home");
+    make(&home)?;
+    let mut again = command("sh", &["-c", "umask 077; exec \"$@\"", "sh"]);
+    if is_allowed {
+        again.args(user);
+    } else {
+        println!(
+            "no other user is possible on this system: the second time differs by home, umask, language and local time"
+        );
+    }
+    again.arg(env::current_exe().map_err(at(&home))?).args(["release", "--again"]);
+    again.args(only.iter().flat_map(|target| ["--target", target]));
+    for (variable, folder) in [("CARGO_HOME", ".cargo"), ("RUSTUP_HOME", ".rustup")] {
+        let known = env::var_os(variable).map(PathBuf::from);
+        again.env(variable, known.or_else(|| Some(env::home_dir()?.join(folder))).unwrap_or_default());
+    }
+    again.envs([("USER", "another"), ("LOGNAME", "another"), ("LC_ALL", "C.UTF-8"), ("TZ", "<+14>-14")]);
+    again.env("HOME", &home);
+    Ok(again)
 }
 
 /// The folder of tools that a release alone needs.
