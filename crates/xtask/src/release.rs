@@ -133,8 +133,9 @@ fn files(systems: &[&System], is_whole: bool, folder: PathBuf, out: &Path) -> Re
         copy(&builds::tool(&source, system)?, &out.join(format!("springpot-{}{}", system.target, system.end)))?;
     }
     if is_whole {
-        materials(&source, out)?;
+        // Bills of materials lie beside the manifests: packages would have them, with the folder in which they were made.
         crates(&source, out)?;
+        materials(&source, out)?;
         builds::wheels(&source, out)?;
         for (image, board) in builds::firmware(&source)? {
             packing::images(&image, &out.join(format!("springpot-firmware-{board}")))?;

@@ -22,7 +22,13 @@ pub const SYSTEMS: [System; 3] = [
         flags: "-C link-self-contained=yes",
         end: "",
     },
-    System { target: WINDOWS, linker: Some(MINGW), flags: "-C link-arg=-Wl,--no-insert-timestamp", end: ".exe" },
+    // Names of symbols have that of a temporary folder in which the compiler imports the system's libraries.
+    System {
+        target: WINDOWS,
+        linker: Some(MINGW),
+        flags: "-C link-arg=-Wl,--no-insert-timestamp,--strip-all",
+        end: ".exe",
+    },
 ];
 
 /// The target of the Windows executable, and its linker.
