@@ -6,10 +6,13 @@ use std::f64::consts::TAU;
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use rayon::prelude::*;
 use springpot::{
     Actuator, Adapted, Adapting, Applied, CommandLimits, Law, LawOptions, LawState, Load, Maxwell, Measure,
     ObserverOptions, Real, SensorSample, Spring, Springpot, Topology, Tracking, TrackingState, VoltageDrive,
 };
+
+use crate::support::full_sweep;
 
 const ACTUATOR: Actuator =
     Actuator { length_m: 0.03, width_m: 0.02, thickness_m: 100e-6, mass_kg: 0.1, ..Actuator::KARNER_2022 };
@@ -316,5 +319,56 @@ fn sensors_that_lie_do_not_run_away() {
             );
             assert!(error.is_finite() && furthest < 2.0 * HIGH_M, "{name} {kind:?}: {error} %, {furthest} m");
         }
+    }
+}
+
+/// Hours at 100 Hz along cycles and holds at random, each of a minute, of a film that is its law: the largest ageing and change of the force scale.
+fn largest_by_chance(kind: Kind, hours: usize, seed: u64) -> [f32; 2] {
+    const STEP_S: f64 = 0.01;
+    let limits = CommandLimits { max_field_v_per_m: 1e8, ..CommandLimits::BENCH };
+    let options = ObserverOptions::at_bandwidth(0.6);
+    let tracking: Tracking<f32> = Tracking::new(law(kind, NONE, STEP_S), &ACTUATOR, limits, options).expect("valid");
+    let mut state = tracking.state(tracking.observer().law().state());
+    state.set_adapting(Adapting::Learn);
+    let plant = law::<f64>(kind, NONE, STEP_S);
+    let drive = VoltageDrive::new(&ACTUATOR, 6000.0, plant.min_stiffness()).expect("valid");
+    let mut film = plant.state();
+    let mut random = Pcg64::seed_from_u64(seed);
+    let (mut voltage, mut before, mut reference) = (0.0f32, None, 0.0);
+    let (mut path, mut largest) = ((0.0, 0.0, 1.0), [0.0f32; 2]);
+    for k in 0..360_000 * hours {
+        if k % 6000 == 0 {
+            let swing = (HIGH_M - LOW_M) * if random.random_bool(0.2) { 0.0 } else { random.random_range(0.1..0.5) };
+            path = (random.random_range(LOW_M + swing..=HIGH_M - swing), swing, random.random_range(3.0..20.0));
+        }
+        let (mean, swing, period_s) = path;
+        reference += STEP_S * (mean + swing * (TAU * STEP_S * k as f64 / period_s).sin() - reference);
+        tracking.observe(&mut state, Applied::as_commanded(voltage), before);
+        let displacement_m = (film.position() + random.random_range(-NOISE_M..NOISE_M)) as f32;
+        before = Some(SensorSample { displacement_m, age_ticks: 1 });
+        voltage = tracking.command(&mut state, reference as f32).voltage_v;
+        plant.displacement_under(&mut film, drive.load(f64::from(voltage)));
+        if k % 100 == 0 {
+            let Adapted { ageing, force_scale, .. } = state.adapted();
+            largest = [largest[0].max(ageing), largest[1].max((force_scale - 1.0).abs())];
+        }
+    }
+    largest
+}
+
+/// Noise and levels that are held let the parameters wander together, over hours: an ageing of 1 is no proof, half of the level of a trip is.
+#[test]
+fn a_sound_film_ages_by_chance_alone() {
+    let (hours, seeds) = if full_sweep() { (25, 20) } else { (2, 1) };
+    for kind in [Kind::TwoCurves, Kind::Straight] {
+        let seeds: Vec<u64> = (1..=seeds).collect();
+        let largest: Vec<[f32; 2]> = seeds.par_iter().map(|&seed| largest_by_chance(kind, hours, seed)).collect();
+        let above = largest.iter().filter(|[ageing, _]| *ageing >= 1.0).count();
+        let [ageing, scale] = [0, 1].map(|k| largest.iter().map(|both| both[k]).fold(0.0, f32::max));
+        println!(
+            "{kind:?}: {above} of {} runs of {hours} h with an ageing of 1; {ageing:.2}, {scale:.4} at most",
+            seeds.len()
+        );
+        assert!(ageing < 1.6 && scale < 0.016, "{kind:?}: {largest:?}");
     }
 }
