@@ -11,8 +11,9 @@
 //! This is an estimate: on a board, `springpot pil --port` counts.
 
 use std::collections::HashMap;
+use std::fs;
 use std::io::{self, BufRead, BufReader, Write};
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{Command, Stdio};
 
 use crate::process::{Result, line, output, read, root};
 use crate::setup::{TARGETS, Toolchain, built};
@@ -43,6 +44,10 @@ pub fn modelled(toolchain: &Toolchain) -> Result<Vec<(&'static str, f64)>> {
     let folder = root().join("tests/embedded");
     output(toolchain.cargo(&folder, TARGETS[0], "build --quiet --release --bin cycles"))?;
     let log = built().join("cycles.log");
+    // Of a run that was interrupted.
+    for left in [&log, &built().join(GO)] {
+        let _ = fs::remove_file(left);
+    }
     let mut qemu = Command::new("qemu-system-arm");
     qemu.args(["-M", "olimex-stm32-h405", "-nographic", "-monitor", "stdio", "-serial", "none"])
         .args(["-semihosting-config", "enable=on,target=native", "-D"])
@@ -56,28 +61,32 @@ pub fn modelled(toolchain: &Toolchain) -> Result<Vec<(&'static str, f64)>> {
     KERNELS.iter().map(|&(kernel, row)| Ok((row, trace.cycles_of(kernel)?))).collect()
 }
 
+/// File that the program waits for before each kernel.
+const GO: &str = "go";
+
 /// Runs the program in `qemu`, whose monitor is its input and output, and traces what it does between `begin` and `end`: what it builds before
 /// takes a thousand times as many instructions.
 fn traced(mut qemu: Command) -> Result<()> {
-    const BEGIN: &str = "one-insn-per-tb on\nlog in_asm,exec,nochain\npmemsave 0 1 go\n";
-    const END: &str = "log none\none-insn-per-tb off\n";
+    let begin = format!("one-insn-per-tb on\nlog in_asm,exec,nochain\npmemsave 0 1 {GO}\n");
     let command = line(&qemu);
-    let mut run = || -> io::Result<ExitStatus> {
-        let mut child = qemu.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
-        let (mut monitor, printed) = (child.stdin.take(), child.stdout.take());
-        for line in printed.into_iter().flat_map(|printed| BufReader::new(printed).lines()) {
-            let line = line?;
-            for order in [("begin", BEGIN), ("end", END)].iter().filter(|(word, _)| line.ends_with(word)) {
-                monitor.as_mut().map_or(Ok(()), |monitor| monitor.write_all(order.1.as_bytes()))?;
-            }
-        }
-        child.wait()
+    let failed = |error: io::Error| format!("{command}: {error}");
+    let mut child = qemu.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().map_err(failed)?;
+    let (mut monitor, printed) = (child.stdin.take(), child.stdout.take());
+    let order = |line: io::Result<String>| {
+        let orders = match line?.split_whitespace().last() {
+            Some("begin") => &begin,
+            Some("end") => "log none\none-insn-per-tb off\n",
+            _ => "",
+        };
+        monitor.as_mut().map_or(Ok(()), |monitor| monitor.write_all(orders.as_bytes()))
     };
-    match run() {
-        Ok(status) if status.success() => Ok(()),
-        Ok(status) => Err(format!("{status}: {command}")),
-        Err(error) => Err(format!("{command}: {error}")),
+    let ordered = printed.into_iter().flat_map(|printed| BufReader::new(printed).lines()).try_for_each(order);
+    if ordered.is_err() {
+        let _ = child.kill();
     }
+    let status = child.wait().map_err(failed)?;
+    ordered.map_err(failed)?;
+    if status.success() { Ok(()) } else { Err(format!("{status}: {command}")) }
 }
 
 /// An instruction: its address, its mnemonic, its operands.
