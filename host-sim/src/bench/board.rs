@@ -102,7 +102,6 @@ impl<'a> Board<'a> {
             }
             due = (due + TURN).max(Instant::now());
             while let Some(sample) = self.client.sample(due)? {
-                self.sampled = Instant::now();
                 self.show(&sample)?;
                 if self.shared.stop.load(Ordering::SeqCst) {
                     break;
@@ -148,10 +147,10 @@ impl<'a> Board<'a> {
     }
 
     fn show(&mut self, sample: &Telemetry) -> Result<()> {
+        self.sampled = Instant::now();
         if let Some(log) = &mut self.log {
             log.push(sample)?;
         }
-        let value = |number: f32| finite(as_written(number));
         self.live.command_v = value(sample.command_v);
         self.live.monitor_v = value(sample.monitor_v);
         self.live.displacement_m = value(sample.displacement_m);
@@ -170,9 +169,17 @@ impl<'a> Board<'a> {
         Ok(())
     }
 
-    /// Looks at the board's state.
+    /// Shows the samples that came before the last answer.
+    fn show_waiting(&mut self) -> Result<()> {
+        self.client.waiting_samples().iter().try_for_each(|sample| self.show(sample))
+    }
+
+    /// Looks at the board's state, and at the voltages of the same moment: a stop is not seen beside those of before.
     fn look(&mut self) -> Result<()> {
         let status = self.client.status()?;
+        self.show_waiting()?;
+        self.live.command_v = value(status.command_v);
+        self.live.monitor_v = value(status.monitor_v);
         if status.rate_hz > 0.0 {
             self.rate_hz = f64::from(status.rate_hz);
             if self.sampled.elapsed() > SILENT {
@@ -321,7 +328,7 @@ impl<'a> Board<'a> {
             }
         }
         self.client.order(Command::Start(play.mode))?;
-        self.client.waiting_samples().iter().try_for_each(|sample| self.show(sample))?;
+        self.show_waiting()?;
         self.live.playing.clone_from(&play.name);
         self.live.played_s = [0.0, play.values.len() as f64 / SENT_HZ];
         self.live.tuned = [1.0, 0.0];
@@ -366,4 +373,9 @@ impl<'a> Board<'a> {
 
 fn set(mode: Mode, value: f32) -> Command {
     if mode == Mode::Voltage { Command::SetVoltage(value) } else { Command::SetReference(value) }
+}
+
+/// A number of the link as it is shown.
+fn value(number: f32) -> Option<f64> {
+    finite(as_written(number))
 }
