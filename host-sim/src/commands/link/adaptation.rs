@@ -111,7 +111,11 @@ impl Report {
             return format!("{}: off, the law is as it was fitted; `adaptation learn` follows the film", self.port);
         }
         let trip = self.trip_at.map_or(String::new(), |level| format!(", a run trips at {level}"));
-        let fit = if self.needs_fit { "; the film is no longer the one that was fitted: fit it again" } else { "" };
+        let fit = if self.needs_fit {
+            "; if it stays, the film is no longer the one that was fitted: fit it again"
+        } else {
+            ""
+        };
         format!(
             "{}: {}; force scale {:.3} ± {:.3}, what relaxes × {:.2}, its rates × {:.2}, orders × {:.3}, {:.3} N\n\
              ageing {:.2}{trip}{fit}",
