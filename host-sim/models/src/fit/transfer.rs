@@ -1,6 +1,6 @@
 //! The model in the frequency domain with its derivatives, and the solution of its coupled motion.
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -63,7 +63,7 @@ impl Transfer {
         let finite = compliance.iter().all(|h| h.re.is_finite() && h.im.is_finite());
         let (mut inertia, mut kernel) = (Spectrum::new(), Spectrum::new());
         if curves.is_some() {
-            inertia = nodes.squares(circle).iter().map(|square| square * model.mass_kg()).collect();
+            inertia = circle.ln_s().iter().map(|z| (2.0 * z).exp() * model.mass_kg()).collect();
             kernel = stiffness.iter().zip(&inertia).map(|(stiffness, inertia)| stiffness - inertia).collect();
         }
         finite.then_some(Self { compliance, stiffness, inertia, kernel, sensitivities, law })
@@ -149,8 +149,7 @@ impl Transfer {
 /// K is the sum over [`Maxwell::chains`]. With J_i = 1/(c_i s^α_i), a chain of factor n has K = n / Σ J, and its
 /// derivative is ∂K/∂ ln c_i = n J_i / (Σ J)².
 fn at_nodes(model: &Maxwell, nodes: &Nodes) -> (Spectrum, Vec<Spectrum>) {
-    let inertia = |&[size, cos, sin]: &[f64; 3]| Complex::new(size * cos, size * sin) * model.mass_kg();
-    let mut stiffness: Spectrum = nodes.polar(2.0).iter().map(inertia).collect();
+    let mut stiffness: Spectrum = nodes.ln_s.iter().map(|z| (2.0 * z).exp() * model.mass_kg()).collect();
     let sign = |chain: &Chain<'_>| if chain.elements.len() == 1 { 1.0 } else { -1.0 };
     let signed: Vec<(&Springpot, f64)> =
         model.chains().flat_map(|chain| chain.elements.iter().map(move |element| (element, sign(&chain)))).collect();
@@ -209,8 +208,6 @@ pub(super) struct Nodes {
     places: Vec<(u32, f64)>,
     /// Powers of s at the nodes, the last used at the end: a search along one variable changes one of them, and most dashpots stay dashpots.
     powers: Mutex<Vec<Power>>,
-    /// s² at all points.
-    squares: OnceLock<Spectrum>,
 }
 
 /// s to a power at the nodes: size, cosine and sine of the angle.
@@ -240,14 +237,9 @@ impl Nodes {
         Self { ln_s, places: (DENSE..points).map(place).collect(), ..Self::default() }
     }
 
-    /// s² at all points of `circle`, whose nodes these are.
-    fn squares(&self, circle: &FullMemory) -> &Spectrum {
-        self.squares.get_or_init(|| circle.ln_s().iter().map(|z| (2.0 * z).exp()).collect())
-    }
-
     /// (c s^α)^`sign` of `element`.
     fn power(&self, element: &Springpot, sign: f64) -> Spectrum {
-        let factor = element.c.powf(sign);
+        let factor = if sign < 0.0 { element.c.recip() } else { element.c };
         let times = |&[size, cos, sin]: &[f64; 3]| Complex::new(factor * size * cos, factor * size * sin);
         self.polar(sign * element.alpha).iter().map(times).collect()
     }
