@@ -153,12 +153,14 @@
     const mine = inControl();
     put("whose", mine ? "This page is in control." : live.in_control === 0 ? "No page is in control." : "Another page is in control; this one may stop.");
     $("control").disabled = mine || taking || enabled() || !connected;
-    $("arm").disabled = !(mine && state === "disarmed");
+    // The board refuses to arm a film that has voltage left.
+    const isOff = state === "disarmed" && !live.live;
+    $("arm").disabled = !(mine && isOff);
     $("acknowledge").disabled = !(mine && state === "tripped");
     $("play").disabled = !(mine && state === "armed" && own.arming);
     $("tune").disabled = !(mine && state === "running" && own.arming);
     $("report").disabled = enabled() || $("file").length === 0;
-    $("commission").disabled = !(mine && state === "disarmed");
+    $("commission").disabled = !(mine && isOff);
     plots.forEach(({ plot, lines }) => plot.setData([rows[0], ...lines.map(([, , , k]) => rows[k])]));
   };
 
