@@ -119,6 +119,16 @@ pub enum LawError {
         /// The stiffness of one step there, N/m.
         stiffness: f64,
     },
+    /// A spring in series with the memory that does not rise.
+    #[error(
+        "the spring in series has a slope of {slope:.3e} N/m where it is stretched by {elongation_m:.6} m; it must rise everywhere"
+    )]
+    SeriesSpring {
+        /// Where, m.
+        elongation_m: f64,
+        /// The slope there, N/m.
+        slope: f64,
+    },
     /// No samples were given for a window.
     #[error("a window of 0 samples: use storage for at least one")]
     EmptyWindow,

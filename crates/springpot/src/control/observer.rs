@@ -193,7 +193,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         // At the resonance the inertia outweighs the stiffness, first where the film is softest.
         let softest = law.softest();
         let above = law.dynamic_stiffness(RESONANCE_MARGIN * bandwidth_hz, softest);
-        let softest_stiffness = if softest.spring == 0.0 {
+        let softest_stiffness = if softest.spring == 0.0 && softest.in_series == 0.0 {
             softest.memory * stiffness.re
         } else {
             law.dynamic_stiffness(bandwidth_hz, softest).re

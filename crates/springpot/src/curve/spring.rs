@@ -147,4 +147,16 @@ impl Spring {
     pub fn min_slope(&self) -> (f64, f64) {
         self.0.min_slope()
     }
+
+    /// The displacement (m) of the largest slope, and that slope (N/m).
+    #[must_use]
+    pub fn max_slope(&self) -> (f64, f64) {
+        self.0.max_slope()
+    }
+
+    /// The displacement (m) at which a spring that rises everywhere has the force `force_n` (N).
+    #[must_use]
+    pub fn displacement(&self, force_n: f64) -> f64 {
+        self.0.inverse(force_n)
+    }
 }

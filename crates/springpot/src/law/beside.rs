@@ -38,13 +38,15 @@ impl<T: Scalar> Beside<T> {
     #[inline(never)]
     pub(super) fn softest(&self) -> Tangent {
         let memory = self.measure.curve().map_or(1.0, |measure| measure.min_slope().1);
-        Tangent { memory: memory * memory, spring: self.spring.spring().map_or(0.0, |spring| spring.min_slope().1) }
+        let spring = self.spring.spring().map_or(0.0, |spring| spring.min_slope().1);
+        Tangent { memory: memory * memory, spring, ..Tangent::REST }
     }
 
     /// The film at `displacement` (m), without the force that its memory still has there.
     pub(super) fn tangent_at(&self, displacement: T) -> Tangent {
         let slope = self.measure.place(displacement, T::ZERO).slope.to_f64();
-        Tangent { memory: slope * slope, spring: self.spring.place(displacement, T::ZERO).slope.to_f64() }
+        let spring = self.spring.place(displacement, T::ZERO).slope.to_f64();
+        Tangent { memory: slope * slope, spring, ..Tangent::REST }
     }
 
     /// [`Law::margin_of`](crate::Law::margin_of) of a film up to `stroke_m` (m): −dx/x over dK/K at its worst, for memories of these stiffnesses (N/m). Not inlined,

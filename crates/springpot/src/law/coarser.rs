@@ -108,7 +108,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// −dx / x = dK / K · (T / x) / (T' − κ T / (1 + κ x))
     /// ```
     ///
-    /// and beside a spring, where E(x) + T'(x) T(x) K = F (1 + κ x), likewise for the softest and the stiffest K of that range.
+    /// and beside a spring, where E(x) + T'(x) T(x) K = F (1 + κ x), or with one in series, where S(e) = (x − e) K, likewise for the softest and the stiffest K
+    /// of that range.
     #[must_use]
     #[inline(never)]
     pub fn margin_of<N: Memory<T>>(&self, coarser: &Law<T, N>, stroke_m: f64, coupling_per_m: f64) -> f64 {
@@ -124,10 +125,16 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
             frequency_hz *= step;
         }
         let strokes = (1..=STROKES).map(|place| stroke_m * f64::from(place) / f64::from(STROKES));
-        if let Some((_, Shape::Beside(beside))) = self.bent() {
-            // A memory relaxes monotonically.
-            let stiffness = [frequency_hz, 1.0].map(|hz| self.memory_stiffness(hz));
-            return stiffer * beside.growth(stiffness, strokes, coupling_per_m);
+        // A memory relaxes monotonically.
+        let stiffnesses = || [frequency_hz, 1.0].map(|hz| self.memory_stiffness(hz));
+        match self.bent() {
+            Some((_, Shape::Beside(beside))) => {
+                return stiffer * beside.growth(stiffnesses(), strokes, coupling_per_m);
+            }
+            Some((_, Shape::Series(series))) => {
+                return stiffer * series.growth(stiffnesses(), strokes, coupling_per_m);
+            }
+            _ => {}
         }
         let growth = strokes.map(|x| {
             let (stretch, slope) = self.curved.as_ref().map_or((x, 1.0), |curved| curved.value_and_slope(x));

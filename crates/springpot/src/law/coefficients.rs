@@ -61,7 +61,7 @@ pub struct Coefficients<T, const HEAD: usize = 12, const FAST: usize = 12, const
     #[cfg_attr(feature = "serde", serde(with = "arrays"))]
     pub slow: [(T, T); SLOW],
     /// Knots of the elastic curve, none without one; after them those of the spring, from the first knot that is not to the right of the one
-    /// before it.
+    /// before it. A spring in series with the memory follows a single knot, (0, 0) with the slope 1.
     pub curve: Vec<Knot<T>, { 2 * MAX_SPRING_KNOTS }>,
 }
 
@@ -118,6 +118,10 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         // In place: a law takes a good part of a small controller's stack.
         let mut law = Self::from_massless(step_s, instant, mass_kg, memory, method)?;
         let (curve, spring) = curve.split_at(curve_len(curve));
+        if let ([_], [_, ..]) = (curve, spring) {
+            law.add_series(&Spring::from_rounded(spring)?)?;
+            return Ok(law);
+        }
         if !curve.is_empty() {
             law.bend(&Curve::from_rounded(curve)?)?;
         }
@@ -132,15 +136,21 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Coeffic
     /// Whether a spring is beside the memory.
     #[must_use]
     pub fn has_spring(&self) -> bool {
-        curve_len(&self.curve) < self.curve.len()
+        (2..self.curve.len()).contains(&curve_len(&self.curve))
+    }
+
+    /// Whether a spring is in series with the memory.
+    #[must_use]
+    pub fn has_spring_in_series(&self) -> bool {
+        self.curve.len() > 1 && curve_len(&self.curve) == 1
     }
 }
 
 /// How many of `knots` are of the curve. Both ranges hold 0, so that a spring begins at or to the left of where the curve ends.
 fn curve_len<T: Scalar>(knots: &[Knot<T>]) -> usize {
     let ends = |pair: &[Knot<T>]| !pair[0].displacement.is_below(pair[1].displacement);
-    // Two knots at the least make a curve: a damaged pair is refused as such.
-    knots.windows(2).skip(1).position(ends).map_or(knots.len(), |last| last + 2)
+    // One knot alone is the straight curve of a film with a spring in series.
+    knots.windows(2).position(ends).map_or(knots.len(), |last| last + 1)
 }
 
 /// Arrays of any length as tuples: serde itself has them up to 32 only, and not of a generic length.

@@ -7,6 +7,7 @@ use crate::error::LawError;
 use crate::kernel::Discretisation;
 use crate::law::beside::Beside;
 use crate::law::response::Tangent;
+use crate::law::series::Series;
 use crate::law::{Law, LawState, Memory};
 use crate::numbers::Numbers;
 use crate::scalar::Scalar;
@@ -47,6 +48,8 @@ pub(crate) enum Shape<T> {
     Before(Table<T>),
     /// A spring beside the memory, which has a strain measure of its own. As many pieces in all.
     Beside(Beside<T>),
+    /// A spring in series with the memory.
+    Series(Series<T>),
 }
 
 /// The place of a film on the curve of its law.
@@ -64,9 +67,12 @@ pub(crate) struct Bend<T> {
     pub(crate) stiffness: T,
     /// Stiffness of slow changes there over that at rest.
     pub(crate) slope: T,
-    /// Beside a spring: the memory's force at the next step if the increment stays, and the force of the increments before it in the inertia, N.
+    /// With a spring: the memory's force at the next step if the increment stays, and the force of the increments before it in the inertia, N.
     pub(crate) memory: T,
     pub(crate) inertia: T,
+    /// What a spring in series is stretched by, m, and its rounding error (Kahan). `ahead` and `predicted` are then of the spring and of the memory.
+    pub(crate) elongation: T,
+    pub(crate) elongation_surplus: T,
 }
 
 impl<T: Scalar> Bend<T> {
@@ -81,7 +87,17 @@ impl<T: Scalar> Bend<T> {
             slope: T::from_f64(1.0),
             memory: T::ZERO,
             inertia: T::ZERO,
+            elongation: T::ZERO,
+            elongation_surplus: T::ZERO,
         }
+    }
+
+    /// What a spring in series is stretched by after an `increment` (m), and its rounding error.
+    #[inline]
+    pub(super) fn elongated(&self, increment: T) -> (T, T) {
+        let addend = increment - self.elongation_surplus;
+        let elongation = self.elongation + addend;
+        (elongation, (elongation - self.elongation) - addend)
     }
 }
 
@@ -128,24 +144,22 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         let table = Table::new(curve.knots());
         // What the rounded knots make is a curve as well.
         let rounded = table.curve()?;
-        let (newest, [first, second, third]) = method.inertia();
-        let inertia = |share: f64| T::from_f64(share * mass_per_step2);
+        let (newest, _) = method.inertia();
         let at = |slope: f64| T::from_f64(instant * slope + newest * mass_per_step2);
-        let curved = Curved {
-            shape: Shape::Before(table),
-            instant: T::from_f64(instant),
-            inertia: inertia(newest),
-            past_inertia: [newest + first, second, third].map(inertia),
-            least: at(rounded.min_slope().1),
-            largest: at(rounded.max_slope().1),
-        };
-        for stiffness in [curved.least, curved.largest] {
-            if !divides(stiffness) {
-                return Err(LawError::NothingToSolve);
-            }
+        self.bend_to(Shape::Before(table), [at(rounded.min_slope().1), at(rounded.max_slope().1)])
+    }
+
+    /// Gives the law this `shape`, with which a step has a stiffness between these two (N/m).
+    pub(super) fn bend_to(&mut self, shape: Shape<T>, [least, largest]: [T; 2]) -> Result<(), LawError> {
+        if !(divides(least) && divides(largest)) {
+            return Err(LawError::NothingToSolve);
         }
+        let (newest, [first, second, third]) = self.method.inertia();
+        let inertia = |share: f64| T::from_f64(share * self.mass_per_step2);
+        let past_inertia = [newest + first, second, third].map(inertia);
+        let instant = T::from_f64(self.instant);
+        self.curved = Some(Curved { shape, instant, inertia: inertia(newest), past_inertia, least, largest });
         self.memory.leave_inertia();
-        self.curved = Some(curved);
         Ok(())
     }
 
@@ -164,12 +178,14 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
     /// The knots of the law's curve, none without one, and after them those of its spring.
     pub(crate) fn knots(&self) -> impl Iterator<Item = Knot<T>> + '_ {
-        let (before, beside) = match self.curved.as_ref().map(|curved| &curved.shape) {
-            None => (None, None),
-            Some(Shape::Before(table)) => (Some(table), None),
-            Some(Shape::Beside(beside)) => (None, Some(beside)),
+        let (before, beside, series) = match self.curved.as_ref().map(|curved| &curved.shape) {
+            None => (None, None, None),
+            Some(Shape::Before(table)) => (Some(table), None, None),
+            Some(Shape::Beside(beside)) => (None, Some(beside), None),
+            Some(Shape::Series(series)) => (None, None, Some(series)),
         };
-        before.into_iter().flat_map(Table::knots).chain(beside.into_iter().flat_map(Beside::knots))
+        let springs = beside.into_iter().flat_map(Beside::knots).chain(series.into_iter().flat_map(Series::knots));
+        before.into_iter().flat_map(Table::knots).chain(springs)
     }
 
     /// Visits what a step behind a curve computes with.
@@ -182,6 +198,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         match shape {
             Shape::Before(table) => table.numbers(take, "pieces", MAX_KNOTS - 1),
             Shape::Beside(beside) => beside.numbers(take, *least),
+            Shape::Series(series) => series.numbers(take),
         }
     }
 
@@ -190,24 +207,20 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         match &self.curved.as_ref()?.shape {
             Shape::Before(table) => table.curve().ok(),
             Shape::Beside(beside) => beside.measure.curve().ok(),
+            Shape::Series(_) => None,
         }
     }
 
-    /// `state` with its place on the curve.
+    /// `state`, a film at rest, with its place on the curve.
     pub(crate) fn placed(&self, state: LawState<T, M>) -> LawState<T, M> {
-        let memory = state.base;
-        self.placed_with(state, |_| memory)
+        self.placed_after(state, T::ZERO)
     }
 
     /// `state` with its place on the curve. Its base is that of the memory for the increments of the curve's value, of which the last was
     /// `stretched` (m).
-    pub(crate) fn placed_after(&self, state: LawState<T, M>, stretched: T) -> LawState<T, M> {
-        let (memory, instant) = (state.base, T::from_f64(self.instant));
-        self.placed_with(state, |predicted| memory + instant * (predicted - stretched))
-    }
-
-    /// `state` with its place on the curve, and the `memory`'s force there for the predicted change of the curve's value.
-    fn placed_with(&self, mut state: LawState<T, M>, memory: impl Fn(T) -> T) -> LawState<T, M> {
+    pub(crate) fn placed_after(&self, mut state: LawState<T, M>, stretched: T) -> LawState<T, M> {
+        let (base, instant) = (state.base, T::from_f64(self.instant));
+        let memory = |predicted: T| base + instant * (predicted - stretched);
         state.bend.stiffness = self.stiffness;
         if let Some(curved) = &self.curved {
             let at = state.position + state.bend.origin;
@@ -224,6 +237,10 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                     state.bend.predicted = ahead.place.minus(&beside.measure.place(at, state.position_surplus));
                     let memory = memory(state.bend.predicted);
                     beside.meet(curved, &mut state, &ahead, [memory, T::ZERO]);
+                }
+                Shape::Series(series) => {
+                    state.bend.predicted = stretched;
+                    series.meet(curved, &mut state, base, T::ZERO);
                 }
             }
         }
@@ -265,6 +282,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                 stiffness: state.bend.stiffness,
                 steepness: state.bend.slope,
             },
+            Some((curved, Shape::Series(series))) => series.remembered(curved, state),
         }
     }
 
@@ -275,9 +293,10 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
             Some((curved, Shape::Before(_))) => {
                 let (newest, _) = self.method.inertia();
                 let memory = (curved.least.to_f64() - newest * self.mass_per_step2) / self.instant;
-                Tangent { memory, spring: 0.0 }
+                Tangent { memory, ..Tangent::REST }
             }
             Some((_, Shape::Beside(beside))) => beside.softest(),
+            Some((_, Shape::Series(series))) => series.softest(),
         }
     }
 
@@ -287,9 +306,10 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
             None => Tangent::REST,
             Some((_, Shape::Before(table))) => {
                 let memory = table.curve().map_or(1.0, |curve| curve.slope(displacement));
-                Tangent { memory, spring: 0.0 }
+                Tangent { memory, ..Tangent::REST }
             }
             Some((_, Shape::Beside(beside))) => beside.tangent_at(T::from_f64(displacement)),
+            Some((_, Shape::Series(series))) => series.tangent_at(displacement),
         }
     }
 
@@ -297,6 +317,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     pub(crate) fn tangent_at_rest(&self) -> Tangent {
         match self.bent() {
             Some((_, Shape::Beside(beside))) => Tangent { memory: 1.0, ..beside.tangent_at(T::ZERO) },
+            Some((_, Shape::Series(series))) => series.tangent_at(0.0),
             _ => Tangent::REST,
         }
     }
@@ -304,8 +325,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Force over displacement of the memory's slow changes, at `frequency_hz` without inertia, N/m.
     #[inline(never)]
     pub(crate) fn memory_stiffness(&self, frequency_hz: f64) -> f64 {
-        let massless = self.dynamic_stiffness(frequency_hz, Tangent { memory: 1.0, spring: 0.0 })
-            - self.dynamic_stiffness(frequency_hz, Tangent { memory: 0.0, spring: 0.0 });
+        let massless = self.dynamic_stiffness(frequency_hz, Tangent::REST)
+            - self.dynamic_stiffness(frequency_hz, Tangent { memory: 0.0, ..Tangent::REST });
         let Complex { re, im } = massless;
         re.abs().max(im.abs())
     }
@@ -333,6 +354,8 @@ impl<T: Scalar> Curved<T> {
         let place = match &self.shape {
             Shape::Before(table) => table.place(at, T::ZERO),
             Shape::Beside(beside) => beside.measure.place(at, T::ZERO),
+            // Of the memory.
+            Shape::Series(_) => return (displacement, 1.0),
         };
         (place.knot.to_f64() + place.beyond.to_f64(), place.slope.to_f64())
     }
@@ -370,14 +393,21 @@ impl<T: Scalar> Curved<T> {
         [place, ahead]: [Place<T>; 2],
         stretched: T,
     ) -> [T; 2] {
-        let [newest, second, third] = self.past_inertia;
-        let inertia = newest * increment + (second * state.increment + third * state.bend.past);
+        let inertia = self.store(state, increment);
         let predicted = ahead.minus(&place);
         state.bend.ahead = ahead;
         state.bend.predicted = predicted;
+        [self.instant * (predicted - stretched), inertia]
+    }
+
+    /// Stores the newest `increment`, and returns the force (N) of past increments in the inertia.
+    #[inline]
+    pub(super) fn store<M: Memory<T>>(&self, state: &mut LawState<T, M>, increment: T) -> T {
+        let [newest, second, third] = self.past_inertia;
+        let inertia = newest * increment + (second * state.increment + third * state.bend.past);
         state.bend.past = state.increment;
         state.increment = increment;
-        [self.instant * (predicted - stretched), inertia]
+        inertia
     }
 
     /// Completes `state` with the stiffness that it meets ahead.

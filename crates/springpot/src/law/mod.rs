@@ -8,6 +8,7 @@ mod compressed;
 mod curved;
 mod response;
 mod saved;
+mod series;
 mod spring_steps;
 mod state_traits;
 mod warm_start;
@@ -126,6 +127,15 @@ pub(crate) mod sealed {
 ///
 /// ```text
 /// base_k = E(x̂) + T'(x̂) M̂ + inertia,      F_k − base_k = (m/h² + E'(x̂) + T'(x̂)² g_0 + T''(x̂) M̂) (Δx_k − Δx_{k−1})
+/// ```
+///
+/// # With a spring in series
+///
+/// [`in_series`](Law::in_series) stretches a spring S by e and the memory by y = x − e with the same force. With ê the elongation if both go on with
+/// their increments, and M̂ the memory's force there, what remains is
+///
+/// ```text
+/// base_k = S(ê) + S'(ê) (M̂ − S(ê)) / (g_0 + S'(ê)) + inertia,      F_k − base_k = (m/h² + g_0 S'(ê) / (g_0 + S'(ê))) (Δx_k − Δx_{k−1})
 /// ```
 ///
 /// ```
@@ -264,6 +274,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
             None => None,
             Some((curved, Shape::Before(table))) => Some((curved, table)),
             Some((curved, Shape::Beside(beside))) => return self.force_beside(curved, beside, state, displacement),
+            Some((curved, Shape::Series(series))) => return self.force_in_series(curved, series, state, displacement),
         };
         let increment = state.increment_to(displacement);
         state.position = displacement;
@@ -299,6 +310,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                 curved.force_at(state, place.minus(&state.bend.ahead), increment)
             }
             Some((curved, Shape::Beside(beside))) => beside.force_to(curved, state, displacement),
+            Some((curved, Shape::Series(series))) => series.force_to(curved, state, displacement),
         }
     }
 
@@ -329,6 +341,9 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
             Some((curved, Shape::Before(table))) => Some((curved, table)),
             Some((curved, Shape::Beside(beside))) => {
                 return self.change_increment_beside(curved, beside, state, change);
+            }
+            Some((curved, Shape::Series(series))) => {
+                return self.change_increment_in_series(curved, series, state, change);
             }
         };
         let (position, increment) = state.moved(change);

@@ -40,16 +40,18 @@ impl Maxwell {
     }
 }
 
-/// A film for small changes about a place: how many times stiffer its memory is there than by itself, and the spring beside it (N/m).
+/// A film for small changes about a place: how many times stiffer its memory is there than by itself, the spring beside it (N/m), and the compliance of
+/// the one in series (m/N).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tangent {
     pub(crate) memory: f64,
     pub(crate) spring: f64,
+    pub(crate) in_series: f64,
 }
 
 impl Tangent {
     /// That of a film without curves.
-    pub(crate) const REST: Self = Self { memory: 1.0, spring: 0.0 };
+    pub(crate) const REST: Self = Self { memory: 1.0, spring: 0.0, in_series: 0.0 };
 }
 
 impl<T: Scalar, M: Memory<T>> Law<T, M> {
@@ -93,9 +95,14 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
     /// Force over displacement for a delay of ζ in a step and 1 − ζ, N/m, where the film has this `tangent`.
     fn stiffness_of(&self, delay: Complex<f64>, difference: Complex<f64>, tangent: Tangent) -> Complex<f64> {
-        let Tangent { memory: slope, spring } = tangent;
+        let Tangent { memory: slope, spring, in_series } = tangent;
         // F = [ζ B(ζ) + S (1 − ζ)] Δx and Δx = (1 − ζ) x.
         let response = self.memory().response(delay, difference);
+        if in_series > 0.0 {
+            let inertia = self.stiffness_of(delay, difference, Tangent { memory: 0.0, ..Tangent::REST });
+            let memory = (delay * response + difference * self.instant()) * difference;
+            return memory / (memory * in_series + 1.0) + inertia;
+        }
         let force = match self.separate_inertia() {
             // Behind a curve the memory has no inertia.
             Some((newest, [first, second, third])) => {

@@ -31,6 +31,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> LawStat
         [position, position_surplus, increment, base, &mut bend.origin, &mut bend.predicted, &mut bend.past]
             .into_iter()
             .chain([&mut bend.stiffness, &mut bend.slope, &mut bend.memory, &mut bend.inertia])
+            .chain([&mut bend.elongation, &mut bend.elongation_surplus])
             .chain([&mut place.knot, &mut place.beyond, &mut place.slope, &mut place.outside])
             .chain([&mut history.left, &mut history.left_surplus])
             .chain(history.increments.as_flattened_mut())

@@ -107,7 +107,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// The spring beside the memory, as the number type holds it.
     pub(crate) fn rounded_spring(&self) -> Option<Spring> {
         match &self.curved.as_ref()?.shape {
-            Shape::Before(_) => None,
+            Shape::Before(_) | Shape::Series(_) => None,
             Shape::Beside(beside) => beside.spring.spring().ok(),
         }
     }
