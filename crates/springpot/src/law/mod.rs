@@ -431,6 +431,12 @@ impl<T: Scalar, M: Memory<T>> LawState<T, M> {
         self.bend.slope
     }
 
+    /// What a spring in series with the memory is stretched by, m; 0 without one.
+    #[must_use]
+    pub fn elongation(&self) -> T {
+        self.bend.elongation
+    }
+
     /// Whether the film is beyond the range of the law's curve, or of its spring, which go on linearly there.
     #[must_use]
     pub fn beyond_curve(&self) -> bool {

@@ -13,7 +13,7 @@ pub struct Film<'a> {
     pub model: &'a Maxwell,
     /// The curve; none for a linear film.
     pub curve: Option<&'a Curve>,
-    /// The spring beside its memory; with one the curve is the memory's strain measure.
+    /// The spring beside its memory, whose strain measure then is the curve; without a curve the spring is in series with the memory.
     pub spring: Option<&'a Spring>,
     /// How s is discretised.
     pub method: Discretisation,
@@ -50,7 +50,7 @@ impl Film<'_> {
         law.compression_bound(self.model, LawOptions::DEFAULT_HORIZON_S)
     }
 
-    /// `law` behind the curve of this film, if it has one.
+    /// `law` with the curves of this film.
     ///
     /// # Errors
     ///
@@ -59,7 +59,8 @@ impl Film<'_> {
         Ok(match (self.curve, self.spring) {
             (Some(measure), Some(spring)) => law.beside(spring, measure)?,
             (Some(curve), None) => law.behind(curve)?,
-            (None, _) => law,
+            (None, Some(spring)) => law.in_series(spring)?,
+            (None, None) => law,
         })
     }
 }
