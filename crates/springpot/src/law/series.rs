@@ -71,11 +71,15 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         let (newest, _) = self.method.inertia();
         let Self { instant, mass_per_step2, .. } = *self;
         let at = |slope: f64| T::from_f64(instant * slope / (instant + slope) + newest * mass_per_step2);
+        let series = Series { spring: table, slow: T::ZERO, scale: T::ZERO };
+        self.bend_to(Shape::Series(series), [slope, rounded.max_slope().1].map(at))?;
         // At 1 Hz, as the observer's gains are.
-        let slow = self.memory_stiffness(1.0);
-        let series =
-            Series { slow: T::from_f64(slow), scale: T::from_f64(1.0 + slow / rounded.slope(0.0)), spring: table };
-        self.bend_to(Shape::Series(series), [slope, rounded.max_slope().1].map(at))
+        let memory = self.memory_stiffness(1.0);
+        if let Some(Curved { shape: Shape::Series(series), .. }) = &mut self.curved {
+            series.slow = T::from_f64(memory);
+            series.scale = T::from_f64(1.0 + memory / rounded.slope(0.0));
+        }
+        Ok(())
     }
 
     /// The spring in series, as the number type holds it.

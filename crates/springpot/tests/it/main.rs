@@ -24,6 +24,7 @@ mod second_order;
 mod self_sensing;
 #[cfg(feature = "serde")]
 mod serde_formats;
+mod series;
 mod single_precision;
 mod state_names;
 mod support;

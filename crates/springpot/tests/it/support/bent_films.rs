@@ -68,11 +68,34 @@ pub fn load(k: usize) -> f64 {
     22.0 * (1.0 - (TAU * 0.8 * t).cos()) * (1.0 - (-t / 0.3).exp())
 }
 
-/// A film with the memory of `model` on its `strain` (m), that resists with a force (N) of displacement and memory.
+/// A force (N) over the elongation of a spring in series, and its slope: three times as stiff at 1 mm.
+pub fn stiffening(e: f64) -> [f64; 2] {
+    [1.5e4 * e * (1.0 + 7e5 * e * e), 1.5e4 * (1.0 + 2.1e6 * e * e)]
+}
+
+pub fn in_series(pieces: usize) -> Spring {
+    Spring::new(&knots(-0.5e-3, 2e-3, pieces, stiffening)).expect("valid")
+}
+
+/// A film with the memory of `model` on its `strain` (m), that resists with a force (N) of displacement and memory. The strain is that at a displacement, for a
+/// memory that resists with a force (N) and a stiffness (N/m).
 pub struct Bent<'a> {
     pub model: &'a Maxwell,
-    pub strain: &'a dyn Fn(f64) -> f64,
+    pub strain: &'a dyn Fn(f64, [f64; 2]) -> f64,
     pub resists: &'a dyn Fn(f64, f64) -> f64,
+}
+
+/// The strain of a memory in series with the stiffening spring, by bisection.
+pub fn left_in_series(x: f64, [past, instant]: [f64; 2]) -> f64 {
+    let (mut low, mut high) = (x - 8e-3, x + 8e-3);
+    while high - low > 1e-16 {
+        let middle = 0.5 * (low + high);
+        if middle == low || middle == high {
+            break;
+        }
+        if past + instant * middle > stiffening(x - middle)[0] { high = middle } else { low = middle }
+    }
+    0.5 * (low + high)
 }
 
 impl Bent<'_> {
@@ -87,7 +110,7 @@ impl Bent<'_> {
             let past: f64 = (1..=k).map(|j| modulus[j] * s[k - j]).sum();
             let before = |j: usize| if k >= j { x[k - j] } else { 0.0 };
             let left = |x: f64| {
-                let memory = modulus[0] * (self.strain)(x) + past;
+                let memory = modulus[0] * (self.strain)(x, [past, modulus[0]]) + past;
                 (self.resists)(x, memory) + inertia * (x - 2.0 * before(1) + before(2)) - force(k, x)
             };
             let (mut low, mut high) = (-1e-3, 8e-3);
@@ -96,7 +119,7 @@ impl Bent<'_> {
                 if left(middle) > 0.0 { high = middle } else { low = middle }
             }
             x.push(0.5 * (low + high));
-            s.push((self.strain)(x[k]));
+            s.push((self.strain)(x[k], [past, modulus[0]]));
         }
         x
     }

@@ -1,0 +1,172 @@
+//! A spring in series with the memory of a law, against the same spring in the model, stepping, and what a film can give back.
+
+use std::f64::consts::TAU;
+
+use proptest::prelude::*;
+use springpot::{
+    Compressed, CompressionBound, Discretisation, Knot, Law, LawError, LawOptions, Load, Maxwell, Spring, Springpot,
+    Topology,
+};
+
+use crate::support::bent_films::{STEP_S, film, in_series, load, run};
+use crate::support::{METHODS, law_by, relative_rms};
+
+fn springpot(c: f64, alpha: f64) -> Springpot {
+    Springpot::new(c, alpha)
+}
+
+fn law(mass_kg: f64, method: Discretisation) -> Law<f64> {
+    law_by::<f64>(&film(mass_kg), 1.0 / STEP_S, method).in_series(&in_series(4)).expect("a law")
+}
+
+#[test]
+fn a_linear_spring_is_one_of_the_model() {
+    // A springpot and a spring in series: a branch of the model, beside next to nothing.
+    let none = springpot(1e-6, 0.0);
+    let (memory, spring_n_per_m) = (springpot(9e3, 0.3), 2e4);
+    for (mass_kg, method) in [0.0, 0.3].into_iter().flat_map(|mass_kg| METHODS.map(|method| (mass_kg, method))) {
+        let alone = Maxwell::new(memory, &[], Topology::Parallel, mass_kg).expect("valid");
+        let both = [[memory, springpot(spring_n_per_m, 0.0)]];
+        let whole: Law<f64> =
+            law_by(&Maxwell::new(none, &both, Topology::Parallel, mass_kg).expect("valid"), 1e3, method);
+        let spring = Spring::linear(spring_n_per_m).expect("valid");
+        let series = law_by::<f64>(&alone, 1e3, method).in_series(&spring).expect("a law");
+        let load = |k| Load { force_n: load(k), slope_n_per_m: 0.1 * load(k) };
+        let error = relative_rms(&run(&series, load, 4000), &run(&whole, load, 4000));
+        assert!(error < 1e-6, "{mass_kg} kg, {method:?}: {error:e}");
+        for hz in [0.01, 1.0, 30.0] {
+            let ratio = series.frequency_response(hz) / whole.frequency_response(hz);
+            assert!((ratio - 1.0).norm() < 1e-6, "{hz} Hz: {ratio}");
+        }
+        let ratio = series.stiffness() / whole.stiffness();
+        assert!(series.min_stiffness() <= series.max_stiffness() && ratio >= 1.0, "{ratio}");
+        assert!((series.min_stiffness() / whole.stiffness() - 1.0).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn the_slope_is_that_of_slow_changes() {
+    let law = law(0.0, Discretisation::Gl);
+    let amplitude = |centre: f64| {
+        let (mut state, mut still) = (law.state(), law.state());
+        let (mut swung, size) = (0f64, 1e-6);
+        for k in 0..8000 {
+            let phase = TAU * f64::from(k) * STEP_S;
+            let force = law.force(&mut state, centre + size * phase.sin()) - law.force(&mut still, centre);
+            swung = if k >= 4000 { swung.max(force.abs()) } else { 0.0 };
+        }
+        (swung / size, still.slope())
+    };
+    let (at_rest, one) = amplitude(0.0);
+    assert!((one - 1.0).abs() < 1e-6, "{one}");
+    for centre in [1.5e-3, 4e-3] {
+        let (stiffness, slope) = amplitude(centre);
+        assert!(
+            slope > 1.1 && (stiffness / at_rest / slope - 1.0).abs() < 0.05,
+            "{centre}: {stiffness} of {at_rest}, {slope}"
+        );
+    }
+}
+
+#[test]
+fn a_film_that_was_held_is_where_stepping_brings_it() {
+    let law = law(0.0, Discretisation::Gl);
+    let mut stepped = law.state();
+    law.warm_up_along(&mut stepped, (0..20_000).map(|_| 3e-3));
+    let mut held = law.held(3e-3, 20.0);
+    assert!((held.base_force() / stepped.base_force() - 1.0).abs() < 1e-4);
+    assert!((held.elongation() / stepped.elongation() - 1.0).abs() < 1e-4 && held.elongation() > 2e-4);
+    for _ in 0..1000 {
+        let (force, again) = (law.force(&mut stepped, 2e-3), law.force(&mut held, 2e-3));
+        assert!((again - force).abs() < 1e-3, "{again} N instead of {force}");
+    }
+}
+
+#[test]
+fn hours_in_single_precision_do_not_drift() {
+    // The spring's elongation is a sum of as many increments as there are ticks.
+    let (wide, model) = (law(0.1, Discretisation::Gl), film(0.1));
+    let single = law_by::<f32>(&model, 1.0 / STEP_S, Discretisation::Gl).in_series(&in_series(4)).expect("a law");
+    let (mut exact, mut state) = (wide.state(), single.state());
+    for k in 0..2_000_000 {
+        let force = load(k % 1250);
+        let x = wide.displacement(&mut exact, force);
+        let seen = f64::from(single.displacement(&mut state, force as f32));
+        assert!((seen - x).abs() < 2e-8, "step {k}: {seen} instead of {x}");
+    }
+}
+
+#[test]
+fn a_coarser_law_and_the_bound_know_the_spring() {
+    type Coarse = Law<f64, Compressed<f64, 4, 11, 7>>;
+    let law = law(0.0, Discretisation::Gl);
+    let coarse: Coarse = law.coarser();
+    let margin = law.margin_of(&coarse, 5e-3, 0.0);
+    assert!((0.0..0.02).contains(&margin), "{margin}");
+    assert!(law.margin_of(&coarse, 5e-3, 100.0) > margin);
+    let (mut film_state, mut watched) = (law.state(), coarse.state());
+    for k in 0..60_000 {
+        let force = if k % 20_000 < 12_000 { 35.0 } else { 12.0 };
+        let x = law.displacement(&mut film_state, force);
+        let seen = coarse.displacement(&mut watched, force);
+        assert!(k < 100 || (seen - x).abs() < 0.015 * x.abs(), "step {k}: {seen} instead of {x}");
+        assert!(k < 1000 || seen > x * (1.0 - margin) - 1e-6, "step {k}: {seen} of {x}, margin {margin}");
+    }
+    let CompressionBound { displacement_per_increment, force_per_stroke, .. } =
+        law.compression_bound(&film(0.0), 155.0);
+    assert!(displacement_per_increment < 1e-3 && force_per_stroke.is_infinite());
+}
+
+#[test]
+fn springs_that_do_not_rise_are_refused() {
+    let knot = |(x, value, slope): (f64, f64, f64)| Knot { displacement: x, value, slope };
+    let falls = Spring::new(&[(0.0, 0.0, 9e3), (1e-3, 6.0, -1e3), (2e-3, 9.0, 4e3)].map(knot)).expect("a spring");
+    let memory: Law<f32> = law_by(&film(0.1), 1e3, Discretisation::Gl);
+    for spring in [falls, Spring::linear(0.0).expect("a spring"), Spring::linear(-1e3).expect("a spring")] {
+        let refused = memory.clone().in_series(&spring).err();
+        assert!(matches!(refused, Some(LawError::SeriesSpring { slope, .. }) if slope <= 0.0), "{refused:?}");
+    }
+    let coefficients = memory.in_series(&in_series(5)).expect("a law").coefficients();
+    assert!(coefficients.has_spring_in_series() && !coefficients.has_spring());
+    let mut damaged = coefficients.clone();
+    damaged.curve[3].value = 1e3;
+    assert!(Law::from_coefficients(&damaged, 1e-3, 0.1).is_err());
+    let mut alone = coefficients;
+    alone.curve.truncate(1);
+    assert!(Law::from_coefficients(&alone, 1e-3, 0.1).is_err());
+}
+
+proptest! {
+    /// Along random paths that end where they began the film takes work.
+    #[test]
+    fn a_closed_path_takes_work(
+        points in prop::collection::vec(-0.4e-3f64..3e-3, 2..8),
+        slopes in prop::collection::vec(2e3f64..1e5, 3),
+        order in 0.0f64..=1.0,
+    ) {
+        let model = Maxwell::new(springpot(5e3, order), &[[springpot(2e4, 0.0), springpot(4e3, 1.0)]], Topology::Parallel, 0.0).expect("valid");
+        let mut force = 0.0;
+        let mut knots = vec![Knot { displacement: -0.5e-3, value: -0.5e-3 * slopes[0], slope: slopes[0] }, Knot { displacement: 0.0, value: 0.0, slope: slopes[0] }];
+        for (k, &slope) in slopes.iter().enumerate() {
+            force += 0.8e-3 * 0.5 * (slope + knots[k + 1].slope);
+            knots.push(Knot { displacement: 0.8e-3 * (k + 1) as f64, value: force, slope });
+        }
+        let law: Law<f64> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("a law");
+        let law = law.in_series(&Spring::new(&knots).expect("a spring")).expect("a law");
+        let mut state = law.state();
+        let (mut work, mut size) = (0.0, 0.0);
+        let mut from = 0.0;
+        for to in points.into_iter().chain([0.0]) {
+            let mut before = state.position();
+            for k in 1..=300 {
+                let x = from + (to - from) * f64::from(k) / 300.0;
+                let force = law.force(&mut state, x);
+                work += force * (x - before);
+                size += (force * (x - before)).abs();
+                before = x;
+            }
+            from = to;
+        }
+        prop_assert!(work >= -1e-6 * size, "{work} of {size}");
+    }
+}
