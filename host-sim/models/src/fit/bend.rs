@@ -2,6 +2,7 @@
 
 use springpot::{Curve, CurveError, Knot, Measure, Rubber, Spring};
 
+use super::rising::Rising;
 use crate::files::parameters::{ElasticCurve, Shape};
 
 /// The elastic curve of a candidate.
@@ -134,9 +135,11 @@ impl Bend {
     }
 }
 
-/// The spring E beside the memory of a candidate.
+/// The spring beside the memory of a candidate, or in series with it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Elastic {
+    /// A spring in series.
+    Rising(Rising),
     /// A spring that a fit keeps.
     Held(Box<Spring>),
     /// Pieces whose slope changes linearly from knot to knot; with a single knot the spring is linear.
@@ -191,10 +194,15 @@ impl Elastic {
         if same { free } else { Self::Held(Box::new(spring.clone())) }
     }
 
+    /// The spring of a parameter file in series with the memory, likewise.
+    pub fn from_series(spring: &Spring) -> Self {
+        Rising::from_spring(spring).map_or_else(|| Self::Held(Box::new(spring.clone())), Self::Rising)
+    }
+
     /// The number of slopes that a fit changes.
     pub fn slopes(&self) -> usize {
         match self {
-            Self::Held(_) => 0,
+            Self::Held(_) | Self::Rising(_) => 0,
             Self::Free { shares, .. } => shares.len(),
         }
     }
@@ -203,6 +211,7 @@ impl Elastic {
     pub fn spring(&self) -> Result<Spring, CurveError> {
         match self {
             Self::Held(spring) => Ok(spring.as_ref().clone()),
+            Self::Rising(rising) => rising.spring(),
             Self::Free { shares, stiffness_n_per_m, .. } if shares.len() == 1 => {
                 Spring::linear(shares[0] * stiffness_n_per_m)
             }
@@ -218,7 +227,7 @@ impl Elastic {
     /// The change of the spring with the share of knot `index`.
     pub fn change(&self, index: usize) -> Result<Spring, CurveError> {
         match self {
-            Self::Held(_) => Spring::linear(0.0),
+            Self::Held(_) | Self::Rising(_) => Spring::linear(0.0),
             Self::Free { knots_m, shares, stiffness_n_per_m } => {
                 let mut only = vec![0.0; shares.len()];
                 only[index] = 1.0;
@@ -231,6 +240,7 @@ impl Elastic {
     pub fn pieces(&self) -> usize {
         match self {
             Self::Held(spring) => spring.knots().len() - 1,
+            Self::Rising(_) => 0,
             Self::Free { knots_m, .. } => knots_m.len() - 1,
         }
     }

@@ -22,7 +22,7 @@ pub struct Candidate {
     pub delay_s: f64,
     /// The elastic curve; beside a spring the strain measure of the memory.
     pub bend: Bend,
-    /// The spring beside the memory.
+    /// The spring beside the memory; without a curve it is in series.
     pub spring: Option<Elastic>,
 }
 
@@ -57,10 +57,16 @@ impl Candidate {
         Ok(self.bend.curve()?.map(|curve| Curves { curve, spring }))
     }
 
+    /// The spring in series with its memory, if it has one.
+    pub fn in_series(&self) -> Result<Option<Spring>, CurveError> {
+        self.spring.as_ref().filter(|_| self.bend == Bend::Straight).map(Elastic::spring).transpose()
+    }
+
     /// The name of its curves in tables.
     pub fn curve_name(&self) -> String {
         match self.spring.as_ref().map(Elastic::pieces) {
             None => self.bend.name(),
+            Some(_) if self.bend == Bend::Straight => "spring in series".into(),
             Some(0) => "two curves".into(),
             Some(pieces) => format!("two curves, spring {pieces}"),
         }
@@ -68,11 +74,14 @@ impl Candidate {
 
     /// Whether it is linear but for what saturates.
     pub fn is_straight(&self) -> bool {
-        self.bend == Bend::Straight
+        self.bend == Bend::Straight && self.spring.is_none()
     }
 
     /// The variables of its curves.
     pub fn curve_variables(&self) -> Vec<Variable> {
+        if let Some(Elastic::Rising(_)) = self.spring {
+            return vec![Variable::SeriesStiffness, Variable::SeriesBend];
+        }
         let steepness = (0..self.spring.as_ref().map_or(0, Elastic::slopes)).map(Variable::Steepness);
         self.bend_variables().into_iter().chain(steepness).collect()
     }
@@ -143,6 +152,10 @@ pub enum Variable {
     MeasureLength,
     /// Slope at a knot of the spring beside the memory, in shares of a stiffness.
     Steepness(usize),
+    /// ln of the stiffness at rest of the spring in series (N/m).
+    SeriesStiffness,
+    /// b of the spring in series.
+    SeriesBend,
     /// The sensor's offset, m.
     Offset,
     /// The sensor's delay, s.
@@ -177,6 +190,7 @@ impl Variable {
                 Some(Elastic::Free { shares, .. }) => shares[knot],
                 _ => 0.0,
             },
+            Self::SeriesStiffness | Self::SeriesBend => self.of_series(candidate.spring.as_ref()),
             _ if self.is_of_bend() => self.of_bend(&candidate.bend),
             Self::Offset => candidate.offset_m,
             Self::Delay => candidate.delay_s,
@@ -205,6 +219,11 @@ impl Variable {
                     shares[knot] = value;
                 }
             }
+            Self::SeriesStiffness | Self::SeriesBend => {
+                if let Some(Elastic::Rising(rising)) = &mut candidate.spring {
+                    *(if self == Self::SeriesBend { &mut rising.bend } else { &mut rising.ln_stiffness }) = value;
+                }
+            }
             _ if self.is_of_bend() => self.set_bend(&mut candidate.bend, value),
             Self::Offset => candidate.offset_m = value,
             Self::Delay => candidate.delay_s = value,
@@ -225,7 +244,12 @@ impl Variable {
 
     /// Whether it is of a curve.
     pub fn is_of_curve(self) -> bool {
-        self.is_of_bend() || matches!(self, Self::Steepness(_))
+        self.is_of_bend() || self.is_of_series() || matches!(self, Self::Steepness(_))
+    }
+
+    /// Whether it is of the spring in series.
+    pub fn is_of_series(self) -> bool {
+        matches!(self, Self::SeriesStiffness | Self::SeriesBend)
     }
 
     /// Whether it is of the curve that force follows, the spring aside.
@@ -234,6 +258,14 @@ impl Variable {
             self,
             Self::Share | Self::Limit | Self::FreeLength | Self::Slope(_) | Self::Exponent | Self::MeasureLength
         )
+    }
+
+    fn of_series(self, spring: Option<&Elastic>) -> f64 {
+        match (self, spring) {
+            (Self::SeriesBend, Some(Elastic::Rising(rising))) => rising.bend,
+            (_, Some(Elastic::Rising(rising))) => rising.ln_stiffness,
+            _ => 0.0,
+        }
     }
 
     fn of_bend(self, bend: &Bend) -> f64 {
@@ -270,6 +302,11 @@ impl Variable {
                 _ => value,
             },
             Self::Saturation => candidate.actuator.saturation_v.unwrap_or(f64::INFINITY),
+            // 1/m².
+            Self::SeriesBend => match &candidate.spring {
+                Some(Elastic::Rising(rising)) => value / (rising.length_m * rising.length_m),
+                _ => value,
+            },
             _ => value.exp(),
         }
     }
@@ -279,7 +316,8 @@ impl Variable {
         let decades =
             |low: i32, high: i32| (f64::from(low) * std::f64::consts::LN_10, f64::from(high) * std::f64::consts::LN_10);
         match self {
-            Self::Coefficient(_) => decades(-3, 12),
+            Self::Coefficient(_) | Self::SeriesStiffness => decades(-3, 12),
+            Self::SeriesBend => (-10.0, 100.0),
             Self::Order(_) => (0.0, 1.0),
             Self::StretchCoupling => (-1e4, 1e4),
             Self::Saturation => (0.0, 100.0),
@@ -305,7 +343,7 @@ impl Variable {
             return (low, high);
         }
         let most = MAX_THINNING / candidate.actuator.length_m;
-        let high = match (candidate.bend != Bend::Straight, candidate.actuator.saturation_v.is_some()) {
+        let high = match (!candidate.is_straight(), candidate.actuator.saturation_v.is_some()) {
             (false, false) => high,
             (true, true) => MAX_GROWTH / candidate.actuator.length_m,
             _ => most,
@@ -341,6 +379,8 @@ impl fmt::Display for Variable {
             Self::Exponent => f.write_str("curve.exponent"),
             Self::MeasureLength => f.write_str("curve.length_m"),
             Self::Steepness(knot) => write!(f, "spring.slope_n_per_m[{knot}]"),
+            Self::SeriesStiffness => f.write_str("spring.stiffness_n_per_m"),
+            Self::SeriesBend => f.write_str("spring.bend_per_m2"),
             Self::Offset => f.write_str("offset_m"),
             Self::Delay => f.write_str("delay_s"),
             Self::Permittivity => f.write_str("relative_permittivity"),

@@ -21,6 +21,7 @@ pub(crate) mod pattern_search;
 pub mod preparation;
 mod repeats;
 pub mod report;
+mod rising;
 mod search;
 pub mod selection;
 pub mod settings;
@@ -52,7 +53,7 @@ pub use report::FitReport;
 use search::{Search, Selected};
 pub use selection::StructureRow;
 use settings::Stages;
-pub use settings::{Method, Settings};
+pub use settings::{CurveChoice, Method, Settings};
 use starts::Kind;
 pub use statistics::Loss;
 use statistics::range;
@@ -101,6 +102,10 @@ pub fn fit(
     progress: &dyn Fn(&Stage),
 ) -> Result<Fit> {
     settings.check()?;
+    if settings.curve == CurveChoice::Series && Kind::for_choice(settings.curve, observations).len() == 1 {
+        let cause = "a spring in series is fitted to displacements under a voltage or a force, not to forces along a displacement";
+        return Err(Error::field("curve", cause));
+    }
     if let Some(cause) = repeated(observations) {
         return Err(Error::Computation(cause));
     }

@@ -183,7 +183,10 @@ impl FitOptions {
             offset_m: parameters.sensor_offset_m,
             delay_s: self.sensor_delay_s.unwrap_or(parameters.sensor_delay_s),
             bend: parameters.curve.as_ref().map_or(Bend::Straight, Bend::from_curve),
-            spring: parameters.spring.as_ref().map(Elastic::from_spring),
+            spring: parameters.spring.as_ref().map(match parameters.curve {
+                Some(_) => Elastic::from_spring,
+                None => Elastic::from_series,
+            }),
         });
         // From a given start no random one is needed.
         checked_starts(self.starts.max(usize::from(start.is_some())))?;

@@ -12,7 +12,7 @@ use super::observation::{self, Observation};
 use super::pattern_search;
 use super::selection::{LeftOut, Selection, StructureFit, StructureRow, has_one_amplitude, is_near, is_worth_it};
 use super::settings::{CurveChoice, Method, Settings, Stages, work};
-use super::starts::{Kind, grown, reach, relaxing};
+use super::starts::{Kind, creeping, grown, reach, relaxing};
 use super::statistics::{Loss, Whiteness, robust_deviation};
 use crate::error::{Error, Result};
 use host_io::choice::Choice;
@@ -165,7 +165,7 @@ impl Search<'_> {
         let Some(best) = best.filter(|best| kinds.len() > 1 && !(is_auto && self.is_white(best))) else {
             return Vec::new();
         };
-        let (range_m, largest_v) = reach(self.observations, best.candidate.offset_m);
+        let reach = reach(self.observations, best.candidate.offset_m);
         let topology = best.candidate.topology;
         // The beginning of long recordings shows which structures come near the best.
         let beginning = context.scout.filter(|_| is_long(context.fine));
@@ -175,7 +175,7 @@ impl Search<'_> {
         for &kind in &kinds[1..] {
             let least = linear.iter().chain(&fits).min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
             let least = least.map_or(f64::INFINITY, |least| least.minimum.cost);
-            let bent = |start: &Candidate| kind.starts(start, range_m, largest_v);
+            let bent = |start: &Candidate| kind.starts(start, reach);
             let others = fits.clone();
             let fit = |branches: usize, smaller: Option<&Found>| {
                 let simpler = linear.iter().chain(&others).filter(|fit| fit.candidate.branches() == branches);
@@ -185,10 +185,13 @@ impl Search<'_> {
                     return None;
                 }
                 let mut starts: Vec<Candidate> = simpler.iter().flat_map(|fit| bent(&fit.candidate)).collect();
-                if let (Kind::Beside { pieces }, Some(film)) = (kind, &simpler) {
-                    let film = &film.candidate;
-                    let scale = context.variables_of(&starts[0]).contains(&Variable::Permittivity);
-                    starts.extend(relaxing(film, pieces, range_m, context.scales, scale));
+                match (kind, &simpler) {
+                    (Kind::Beside { pieces }, Some(film)) => {
+                        let scale = context.variables_of(&starts[0]).contains(&Variable::Permittivity);
+                        starts.extend(relaxing(&film.candidate, pieces, reach.range_m, context.scales, scale));
+                    }
+                    (Kind::Series, Some(film)) => starts.extend(creeping(&film.candidate, reach, context.scales)),
+                    _ => {}
                 }
                 starts.extend(smaller.iter().flat_map(|fit| grown(&fit.candidate, topology, context.scales)));
                 if starts.is_empty() || branches == 0 {

@@ -26,7 +26,7 @@ choice! {
     /// Nonlinearities that may be fitted.
     #[derive(Default)]
     pub enum CurveChoice {
-        /// Select: none, a drive that saturates, an elastic curve, both, or two curves.
+        /// Select: none, a drive that saturates, an elastic curve, both, two curves, or a spring in series.
         Auto = "auto",
         /// A linear film: Eq. 11.
         #[default]
@@ -43,6 +43,8 @@ choice! {
         Both = "both",
         /// Two curves: a spring beside the memory, which has a strain measure of its own.
         Two = "two",
+        /// A spring in series with the memory, for voltages and forces that drive.
+        Series = "series",
     }
 }
 

@@ -7,6 +7,7 @@ use springpot::{Actuator, Springpot, Topology};
 use super::bend::{Bend, Elastic};
 use super::candidate::Candidate;
 use super::observation::Observation;
+use super::rising::Rising;
 use super::settings::CurveChoice;
 use super::statistics::{change, median, peaks, range};
 use crate::files::recording::Input;
@@ -48,6 +49,13 @@ impl Scales {
             coupling: if stroke > 0.0 { (0.15 / stroke).min(1e3) } else { 0.0 },
             cycle_s,
         }
+    }
+}
+
+impl Scales {
+    /// The time of a radian of the shortest cycle, s.
+    fn radian_s(self) -> f64 {
+        self.cycle_s / std::f64::consts::TAU
     }
 }
 
@@ -137,6 +145,8 @@ pub(super) enum Kind {
     Beside {
         pieces: usize,
     },
+    /// A spring in series with the memory.
+    Series,
 }
 
 impl Kind {
@@ -144,6 +154,8 @@ impl Kind {
     pub(super) fn for_choice(choice: CurveChoice, observations: &[Observation]) -> Vec<Self> {
         let volts = observations.iter().any(|o| matches!(o.input, Input::Voltage(_)));
         let two = [0, 2].map(|pieces| Self::Beside { pieces }).to_vec();
+        let moves = |o: &Observation| !matches!(o.input, Input::Displacement(_));
+        let series = if observations.iter().all(moves) { vec![Self::Series] } else { Vec::new() };
         let free = |saturates| [2, 4].map(|pieces| Self::Free { pieces, saturates }).to_vec();
         let nonlinear = match choice {
             CurveChoice::None => Vec::new(),
@@ -153,8 +165,9 @@ impl Kind {
             CurveChoice::Free => free(false),
             CurveChoice::Both => free(true),
             CurveChoice::Two => two,
-            CurveChoice::Auto if volts => [vec![Self::Saturation], free(false), free(true), two].concat(),
-            CurveChoice::Auto => [vec![Self::MooneyRivlin, Self::Gent], free(false), two].concat(),
+            CurveChoice::Series => series,
+            CurveChoice::Auto if volts => [vec![Self::Saturation], series, free(false), free(true), two].concat(),
+            CurveChoice::Auto => [vec![Self::MooneyRivlin, Self::Gent], series, free(false), two].concat(),
         };
         [vec![Self::Linear], nonlinear].concat()
     }
@@ -170,6 +183,7 @@ impl Kind {
             Self::Free { pieces, saturates: true } => format!("free curve of {pieces} pieces and saturation"),
             Self::Beside { pieces: 0 } => "two curves".into(),
             Self::Beside { pieces } => format!("two curves with a spring of {pieces} pieces"),
+            Self::Series => "spring in series".into(),
         }
     }
 
@@ -191,8 +205,9 @@ impl Kind {
         }
     }
 
-    /// `candidate` with a little of this nonlinearity: starts of a search. `range_m` is the stroke, `largest_v` the largest voltage.
-    pub(super) fn starts(self, candidate: &Candidate, range_m: (f64, f64), largest_v: f64) -> Vec<Candidate> {
+    /// `candidate` with a little of this nonlinearity: starts of a search that `reaches` so far.
+    pub(super) fn starts(self, candidate: &Candidate, reach: Reach) -> Vec<Candidate> {
+        let Reach { range_m, largest_v, .. } = reach;
         let mut start = candidate.clone();
         // A twentieth of the force at the largest voltage.
         let saturation_v = Some(20f64.sqrt() * largest_v.max(1.0));
@@ -215,6 +230,19 @@ impl Kind {
                     }
                 };
                 vec![Candidate { bend, spring: Some(spring), ..start }]
+            }
+            Self::Series => {
+                let largest_n = start.actuator.electrostatic_force(largest_v).max(reach.largest_n);
+                let stiffness = largest_n / range_m.1.abs().max(range_m.0.abs());
+                // Half and a tenth of the stroke.
+                [2.0, 10.0]
+                    .map(|times| {
+                        let mut series = start.clone();
+                        series.elements.iter_mut().for_each(|element| element.c *= times / (times - 1.0));
+                        series.spring = Some(Elastic::Rising(Rising::new(times * stiffness, 0.3, largest_n)));
+                        series
+                    })
+                    .to_vec()
             }
             Self::MooneyRivlin | Self::Gent => {
                 let stroke = range_m.1.abs().max(range_m.0.abs());
@@ -249,6 +277,9 @@ fn measure(film: &Candidate, (low_m, high_m): (f64, f64), exponent: f64) -> Bend
 /// Strokes up to which a measure is written, over the recorded one: unlike pieces it holds beyond it.
 const REACH: f64 = 2.5;
 
+/// Share of the stiffness in the shortest cycle that has little effect.
+const SMALL: f64 = 0.01;
+
 /// Two-curve films like `film` whose memory relaxes at times within those that the recordings resolve, and up to some times longer, beside a spring
 /// of `pieces`. In the shortest cycle a drag has 1 % of the stiffness, and so has the inertia, if a fit may change the `scale` of the force.
 pub(super) fn relaxing(
@@ -258,10 +289,7 @@ pub(super) fn relaxing(
     scales: Scales,
     scale: bool,
 ) -> [Candidate; 2] {
-    const SMALL: f64 = 0.01;
-    let Scales { mut stiffness, times_s: (short, long), cycle_s, .. } = scales;
-    let radian_s = cycle_s / std::f64::consts::TAU;
-    let branches = film.branches();
+    let (mut stiffness, radian_s) = (scales.stiffness, scales.radian_s());
     let mut relaxing = Candidate { topology: Topology::Parallel, bend: measure(film, range_m, 0.0), ..film.clone() };
     if scale {
         let share = (film.actuator.mass_kg / (SMALL * stiffness * radian_s * radian_s)).min(1.0);
@@ -269,20 +297,47 @@ pub(super) fn relaxing(
         stiffness *= share;
     }
     relaxing.spring = Some(Elastic::linear(0.5, stiffness).cut(pieces, range_m));
-    [1.0, 5.0].map(|longer| {
-        let mut elements = vec![Springpot::new(SMALL * stiffness * radian_s, 1.0)];
-        for branch in 0..branches {
-            let time_s = short * (longer * long / short).powf((branch as f64 + 0.5) / branches as f64);
-            elements.push(Springpot::new(0.3 * stiffness, 0.0));
-            elements.push(Springpot::new(0.3 * stiffness * time_s, 1.0));
-        }
-        Candidate { elements, ..relaxing.clone() }
-    })
+    let scales = Scales { stiffness, ..scales };
+    [1.0, 5.0].map(|longer| Candidate { elements: elements(film.branches(), scales, 0.3, longer), ..relaxing.clone() })
 }
 
-/// The stroke of all `observations` with a margin, and the largest voltage (V).
-pub(super) fn reach(observations: &[Observation], offset_m: f64) -> ((f64, f64), f64) {
-    let (mut low, mut high, mut largest_v) = (0f64, 0f64, 0f64);
+/// A drag of little effect, and `branches` of this `share` of the stiffness that relax at times within those that the recordings resolve, and up to so many
+/// times `longer`.
+fn elements(branches: usize, scales: Scales, share: f64, longer: f64) -> Vec<Springpot> {
+    let Scales { stiffness, times_s: (short, long), .. } = scales;
+    let mut elements = vec![Springpot::new(SMALL * stiffness * scales.radian_s(), 1.0)];
+    for branch in 0..branches {
+        let time_s = short * (longer * long / short).powf((branch as f64 + 0.5) / branches as f64);
+        elements.push(Springpot::new(share * stiffness, 0.0));
+        elements.push(Springpot::new(share * stiffness * time_s, 1.0));
+    }
+    elements
+}
+
+/// Films like `film` with a spring in series that creep at such times: as much of the stroke is creep.
+pub(super) fn creeping(film: &Candidate, reach: Reach, scales: Scales) -> Vec<Candidate> {
+    let Some(series) = Kind::Series.starts(film, reach).into_iter().next() else { return Vec::new() };
+    let creeping = |longer| Candidate {
+        elements: elements(film.branches(), scales, 1.5, longer),
+        topology: Topology::Parallel,
+        ..series.clone()
+    };
+    [1.0, 5.0].map(creeping).to_vec()
+}
+
+/// How far recordings reach.
+#[derive(Clone, Copy)]
+pub(super) struct Reach {
+    /// The stroke with a margin, m.
+    pub(super) range_m: (f64, f64),
+    /// The largest voltage, V, and the largest force that was given, N.
+    pub(super) largest_v: f64,
+    pub(super) largest_n: f64,
+}
+
+/// The reach of all `observations`.
+pub(super) fn reach(observations: &[Observation], offset_m: f64) -> Reach {
+    let (mut low, mut high, mut largest_v, mut largest_n) = (0f64, 0f64, 0f64, 0f64);
     for observation in observations {
         let values = &observation.input.samples().value;
         let (least, most) = match observation.input {
@@ -293,12 +348,15 @@ pub(super) fn reach(observations: &[Observation], offset_m: f64) -> ((f64, f64),
             }
         };
         (low, high) = (low.min(least), high.max(most));
-        if let Input::Voltage(_) = observation.input {
-            largest_v = values.iter().fold(largest_v, |largest, v| largest.max(v.abs()));
+        let largest = values.iter().fold(0f64, |largest, value| largest.max(value.abs()));
+        match observation.input {
+            Input::Voltage(_) => largest_v = largest_v.max(largest),
+            Input::Force(_) => largest_n = largest_n.max(largest),
+            Input::Displacement(_) => {}
         }
     }
     let margin = 0.05 * (high - low);
     // Noise about 0 is no stroke.
     let low = if low < -0.05 * (high - low) { low - margin } else { low };
-    ((low, high + margin), largest_v)
+    Reach { range_m: (low, high + margin), largest_v, largest_n }
 }

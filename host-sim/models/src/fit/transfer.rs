@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use num_complex::Complex;
 use rayon::prelude::*;
-use springpot::{Chain, Compressed, Law, LawOptions, Load, Maxwell, Springpot};
+use springpot::{Chain, Compressed, Law, LawOptions, Load, Maxwell, Spring, Springpot};
 
 use super::candidate::Curves;
 use crate::replay::coupling::PullIn;
@@ -23,6 +23,10 @@ pub(super) type Spectrum = Vec<Complex<f64>>;
 /// Largest error of coupled motion in a fit, relative to the displacement: far below the residuals of any recording.
 const TOLERANCE: f64 = 1e-8;
 
+/// Tolerance of a law whose error is corrected with full memory, and of one that is not.
+const CORRECTED: f64 = f64::MAX;
+const STEPPED: f64 = 1e-4;
+
 /// Corrections of coupled motion before it is given up.
 const MAX_CORRECTIONS: usize = 12;
 
@@ -34,9 +38,11 @@ pub(super) struct Transfer {
     pub(super) stiffness: Spectrum,
     /// ∂K/∂ ln c of every element at the nodes, N/m.
     sensitivities: Vec<Spectrum>,
-    /// m s² and K, N/m: kept behind an elastic curve.
+    /// m s² and K, N/m: kept for films with curves.
     pub(super) inertia: Spectrum,
     pub(super) kernel: Spectrum,
+    /// Steps a film with a spring in series.
+    pub(super) in_series: Option<Law<f64>>,
     /// Approximates coupled motion, and motion behind the curve; none where neither is.
     pub(super) law: Option<Law<f64, Recursion>>,
 }
@@ -50,8 +56,14 @@ impl Transfer {
         step_s: f64,
         coupled: bool,
         curves: Option<&Curves>,
+        series: Option<&Spring>,
     ) -> Option<Self> {
-        let law = if coupled || curves.is_some() { Some(recursion_of(model, circle, step_s)?) } else { None };
+        let is_bent = curves.is_some() || series.is_some();
+        let law = if coupled || is_bent { Some(recursion_of(model, circle, step_s, CORRECTED)?) } else { None };
+        let in_series = match series {
+            Some(spring) => Some(recursion_of::<12, 12, 24>(model, circle, step_s, STEPPED)?.in_series(spring).ok()?),
+            None => None,
+        };
         let law = match (law, curves) {
             (Some(law), Some(Curves { curve, spring: None })) => Some(law.behind(curve).ok()?),
             (Some(law), Some(Curves { curve, spring: Some(spring) })) => Some(law.beside(spring, curve).ok()?),
@@ -62,11 +74,11 @@ impl Transfer {
         let compliance: Spectrum = stiffness.iter().map(Complex::inv).collect();
         let finite = compliance.iter().all(|h| h.re.is_finite() && h.im.is_finite());
         let (mut inertia, mut kernel) = (Spectrum::new(), Spectrum::new());
-        if curves.is_some() {
+        if is_bent {
             inertia = circle.ln_s().iter().map(|z| (2.0 * z).exp() * model.mass_kg()).collect();
             kernel = stiffness.iter().zip(&inertia).map(|(stiffness, inertia)| stiffness - inertia).collect();
         }
-        finite.then_some(Self { compliance, stiffness, inertia, kernel, sensitivities, law })
+        finite.then_some(Self { compliance, stiffness, inertia, kernel, in_series, sensitivities, law })
     }
 
     /// ∂K/∂ ln c of `element` on the circle, N/m.
@@ -175,11 +187,15 @@ fn at_nodes(model: &Maxwell, nodes: &Nodes) -> (Spectrum, Vec<Spectrum>) {
     (stiffness, sensitivities)
 }
 
-/// The law that approximates coupled motion along `circle`.
-fn recursion_of(model: &Maxwell, circle: &FullMemory, step_s: f64) -> Option<Law<f64, Recursion>> {
+/// The law that approximates coupled motion along `circle`, whose memory may miss this `tolerance`.
+fn recursion_of<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    model: &Maxwell,
+    circle: &FullMemory,
+    step_s: f64,
+    tolerance: f64,
+) -> Option<Law<f64, Compressed<f64, HEAD, FAST, SLOW>>> {
     let horizon_s = (circle.samples() as f64 * step_s).max(100.0 * step_s);
-    // Any tolerance: corrections remove the tail's error.
-    let options = LawOptions::at_step(step_s).with_horizon(horizon_s).with_tolerance(f64::MAX);
+    let options = LawOptions::at_step(step_s).with_horizon(horizon_s).with_tolerance(tolerance);
     let options = options.with_method(circle.method());
     Law::compressed(model, options).ok()
 }

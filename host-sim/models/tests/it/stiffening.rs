@@ -169,6 +169,28 @@ fn median(values: &mut [f64]) -> f64 {
     values[values.len() / 2]
 }
 
+#[test]
+#[ignore = "explore"]
+fn explore() {
+    let settings =
+        Settings { actuator: FILM, curve: CurveChoice::Series, uncertainty: false, starts: 4, ..Settings::default() };
+    let films: Vec<(u64, Case)> =
+        std::iter::once((1, Case::much_creep())).chain((46..56).map(|seed| (seed, random(seed)))).collect();
+    for (seed, case) in films {
+        let begin = std::time::Instant::now();
+        let fit = recorded::fitted(&case.recordings(seed), &settings);
+        let (selected, best) = errors_pct(&case, &fit);
+        println!(
+            "== {seed} {:?}\n{selected:.3} of {best:.3}, {} evaluations, {:.1} s\n{}",
+            case.film,
+            fit.evaluations,
+            begin.elapsed().as_secs_f64(),
+            table(&fit)
+        );
+        println!("{:?}", fit.candidate);
+    }
+}
+
 /// A linear structure was selected of this film once, because the left-out error of the bent one was missing.
 #[test]
 fn the_film_with_much_creep() {

@@ -7,6 +7,7 @@ use springpot::{Coefficients, Curve, Discretisation, Law};
 use super::super::candidate::{Candidate, Curves, Variable};
 use super::super::observation::ReadingFit;
 use super::super::transfer::{FAST, HEAD, Nodes, Recursion, Spectrum, Transfer};
+use super::series::Near;
 use super::{DriveSpectra, Evaluation, Objective, Record, product, stretched};
 use crate::replay::full_memory::FullMemory;
 
@@ -24,6 +25,13 @@ struct Shared {
     weighted: Option<[Vec<f64>; 2]>,
     /// Changes of a displacement with the force, where they are not a product of spectra.
     tangent: Option<Tangent>,
+}
+
+/// What a variable changes: the force, N, and under the same force the displacement, m, of a film with a spring in series.
+#[derive(Default)]
+struct Change {
+    force: Option<Vec<f64>>,
+    moved: Option<Vec<f64>>,
 }
 
 impl Objective {
@@ -80,6 +88,7 @@ struct Linearised<'a> {
     modelled: &'a [f64],
     reading: &'a ReadingFit,
     shared: Shared,
+    series_near: Option<Near<'a>>,
 }
 
 impl<'a> Linearised<'a> {
@@ -101,6 +110,9 @@ impl<'a> Linearised<'a> {
             DriveSpectra::Voltage { .. } | DriveSpectra::Force { .. } => series,
         };
         let mut shared = Shared::default();
+        let elongation = &evaluation.elongations[index];
+        let place = (circle, &objective.nodes[record.circle]);
+        let near = transfer.in_series.as_ref().and_then(|_| Near::new(place, transfer, candidate, series, elongation));
         if let Some(Curves { curve, spring }) = curves {
             shared.stretched = stretched(circle, curve, displacement);
             shared.weighted = spring.as_ref().map(|_| {
@@ -112,7 +124,13 @@ impl<'a> Linearised<'a> {
         if !record.measures_force() {
             shared.displacement = circle.spectrum(series);
             let memory = shared.weighted.as_ref().map(|[_, memory]| memory.as_slice());
-            let tangent = |law| Tangent::new(law, candidate, curves, memory, record, series);
+            let tangent = |law| {
+                let tangent = Tangent::new(law, candidate, curves, memory, record, series);
+                match &near {
+                    Some(near) => tangent.in_series(&near.slopes),
+                    None => tangent,
+                }
+            };
             shared.tangent = transfer.law.as_ref().map(tangent);
         }
         Self {
@@ -128,6 +146,7 @@ impl<'a> Linearised<'a> {
             modelled: &evaluation.modelled[index],
             reading: &evaluation.readings[index],
             shared,
+            series_near: near,
         }
     }
 
@@ -139,8 +158,10 @@ impl<'a> Linearised<'a> {
             Variable::Delay => false,
             _ => true,
         };
-        let changes = variables.iter().map(|variable| is_of_film(variable).then(|| self.change(*variable)).flatten());
-        let mut moved: Vec<Option<Vec<f64>>> = changes.collect();
+        let change =
+            |variable: &Variable| if is_of_film(variable) { self.change(*variable) } else { Change::default() };
+        let changes: Vec<Change> = variables.iter().map(change).collect();
+        let (mut moved, offsets): (Vec<_>, Vec<_>) = changes.into_iter().map(|c| (c.force, c.moved)).unzip();
         if let Some(tangent) = &self.shared.tangent {
             let mut forces = vec![[0.0; LANES]; *samples];
             for (lane, series) in moved.iter().enumerate() {
@@ -150,6 +171,9 @@ impl<'a> Linearised<'a> {
             for (lane, series) in moved.iter_mut().enumerate() {
                 series.iter_mut().flatten().zip(&forces).for_each(|(value, moved)| *value = moved[lane]);
             }
+        }
+        for (series, offset) in moved.iter_mut().zip(offsets) {
+            series.iter_mut().flatten().zip(offset.iter().flatten()).for_each(|(value, offset)| *value += offset);
         }
         let column = |(variable, moved): (&Variable, Option<Vec<f64>>)| {
             let change = match variable {
@@ -165,7 +189,18 @@ impl<'a> Linearised<'a> {
 
     /// Derivative of the response on the grid, or of the force that changes it through the [`Tangent`]; none where `variable` has no effect
     /// on it.
-    fn change(&self, variable: Variable) -> Option<Vec<f64>> {
+    fn change(&self, variable: Variable) -> Change {
+        let near = self.series_near.as_ref();
+        if let Some((near, moved)) = near.and_then(|near| Some((near, near.moved(variable)?))) {
+            let inertia = near.inertia(&moved);
+            let grows = self.shared.tangent.iter().flat_map(Tangent::grows);
+            let force = grows.zip(&moved).zip(inertia).map(|((grows, moved), inertia)| grows * moved - inertia);
+            return Change { force: Some(force.collect()), moved: Some(moved) };
+        }
+        Change { force: self.force_change(variable), moved: None }
+    }
+
+    fn force_change(&self, variable: Variable) -> Option<Vec<f64>> {
         match &self.shared.weighted {
             Some(weighted) if variable.is_of_memory() || variable.is_of_curve() => {
                 let mut resisted = self.change_beside(weighted, variable)?;
@@ -296,10 +331,10 @@ impl<'a> Linearised<'a> {
 /// Variables whose derivatives are stepped together.
 const LANES: usize = 8;
 
-/// Changes of a displacement with small changes of the force: a law with coupling, or with curves, linearised along its motion.
+/// Changes of a displacement with small changes of the force: a law with coupling, with curves, or with a spring in series, linearised along its motion.
 ///
 /// With g the kernel and t = T'(x) x' of a change x' of the displacement, F' = W Σ g_j (t_{k−j} − t_{k−j−1}) + m (δ/h)² x' − S x'. W is 1;
-/// beside a spring it is T'(x), and S is without E'(x) + T''(x) M.
+/// beside a spring it is T'(x), and S is without E'(x) + T''(x) M. In series with a spring t is without what the force stretches that by.
 struct Tangent {
     /// g_0, and m/h², N/m.
     instant: f64,
@@ -309,6 +344,8 @@ struct Tangent {
     memory: Coefficients<f64, HEAD, FAST, 0>,
     /// T'(x), S in N/m, and W at every step.
     slopes: Vec<[f64; 3]>,
+    /// The compliance of a spring in series at every step, m/N; empty without one.
+    compliances: Vec<f64>,
 }
 
 impl Tangent {
@@ -346,7 +383,22 @@ impl Tangent {
             },
             memory: coefficients,
             slopes: series.iter().enumerate().map(slope).collect(),
+            compliances: Vec::new(),
         }
+    }
+
+    /// The same with a spring of these slopes (N/m) in series: its share of a change leaves the memory the rest.
+    fn in_series(mut self, springs: &[f64]) -> Self {
+        for (slopes, spring) in self.slopes.iter_mut().zip(springs) {
+            slopes[2] = spring / (self.instant + spring);
+        }
+        self.compliances = springs.iter().map(|spring| 1.0 / spring).collect();
+        self
+    }
+
+    /// S (N/m) at every step.
+    fn grows(&self) -> impl Iterator<Item = f64> + '_ {
+        self.slopes.iter().map(|slopes| slopes[1])
     }
 
     /// The displacements (m) from rest under `forces` (N), in their place.
@@ -368,8 +420,15 @@ impl Tangent {
                 (force[lane] - weight * known[lane] + ahead - inert) * inverse
             });
             past = [lanes(|lane| x[lane] - position[lane]), past[0], past[1]];
-            let increment = lanes(|lane| slope * x[lane] - stretched[lane]);
-            stretched = lanes(|lane| slope * x[lane]);
+            let reached = match self.compliances.get(step) {
+                None => lanes(|lane| slope * x[lane]),
+                Some(compliance) => lanes(|lane| {
+                    let force = weight * (known[lane] + self.instant * (x[lane] - stretched[lane]));
+                    x[lane] - compliance * force
+                }),
+            };
+            let increment = lanes(|lane| reached[lane] - stretched[lane]);
+            stretched = reached;
             position = x;
             *force = x;
             let place = HEAD - 1 - step % HEAD;

@@ -6,6 +6,7 @@
 //! memory remove the remaining error. The derivatives obey the same equation with other right-hand sides.
 
 mod linearised;
+mod series;
 
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -146,6 +147,15 @@ pub struct Evaluation {
     curves: Option<Curves>,
     /// Displacements (m), or forces (N), on the grid.
     pub(super) responses: Vec<Vec<f64>>,
+    /// What a spring in series is stretched by (m) on the grid; empty without one.
+    elongations: Vec<Vec<f64>>,
+}
+
+/// The response of a film on the grid of an observation.
+struct Response {
+    modelled: Vec<f64>,
+    series: Vec<f64>,
+    elongation: Vec<f64>,
 }
 
 impl Objective {
@@ -238,24 +248,30 @@ impl Objective {
     pub fn evaluate(&self, candidate: &Candidate) -> Option<Evaluation> {
         let model = candidate.model().ok()?;
         candidate.actuator.check().ok()?;
-        let curves = candidate.curves().ok()?;
+        let (curves, in_series) = (candidate.curves().ok()?, candidate.in_series().ok()?);
         let coupled = candidate.actuator.stretch_coupling != 0.0;
         let transfers = self
             .circles
             .iter()
             .zip(&self.nodes)
             .zip(&self.steps)
-            .map(|(place, &step)| Transfer::new(&model, place, step, coupled, curves.as_ref()))
+            .map(|(place, &step)| Transfer::new(&model, place, step, coupled, curves.as_ref(), in_series.as_ref()))
             .collect::<Option<Vec<Transfer>>>()?;
         let responses = self
             .records
             .par_iter()
             .map(|record| self.respond(record, candidate, curves.as_ref(), &transfers[record.circle]))
-            .collect::<Option<Vec<(Vec<f64>, Vec<f64>)>>>()?;
-        let (mut modelled, responses): (Vec<Vec<f64>>, Vec<Vec<f64>>) = responses.into_iter().unzip();
+            .collect::<Option<Vec<Response>>>()?;
+        let (mut modelled, mut elongations) = (Vec::new(), Vec::new());
+        let parts = |response: Response| {
+            modelled.push(response.modelled);
+            elongations.push(response.elongation);
+            response.series
+        };
+        let responses = responses.into_iter().map(parts).collect();
         let solve = |(record, modelled): (&Record, &mut Vec<f64>)| record.readings.solve(modelled);
         let readings = self.records.iter().zip(&mut modelled).map(solve).collect();
-        Some(Evaluation { modelled, readings, transfers, curves, responses })
+        Some(Evaluation { modelled, readings, transfers, curves, responses, elongations })
     }
 
     /// Modelled values at the measured times, and the same response on the grid.
@@ -265,22 +281,36 @@ impl Objective {
         candidate: &Candidate,
         curves: Option<&Curves>,
         transfer: &Transfer,
-    ) -> Option<(Vec<f64>, Vec<f64>)> {
+    ) -> Option<Response> {
         let circle = &self.circles[record.circle];
         let actuator = &candidate.actuator;
         let bent = |loads: Vec<Load<f64>>, curves: &Curves| -> Option<Vec<f64>> {
             transfer.bent(circle, transfer.law.as_ref()?, curves, &loads).ok()
         };
+        let under = |force: &[f64]| -> Vec<Load<f64>> {
+            force.iter().map(|&force| Load { force_n: force, slope_n_per_m: 0.0 }).collect()
+        };
+        let mut elongation = Vec::new();
         let series = match &record.drive {
+            // Along a displacement there is none.
+            DriveSpectra::Displacement { .. } if transfer.in_series.is_some() => return None,
             DriveSpectra::Displacement { path, spectrum } => match curves {
                 None => circle.series(product(spectrum, &transfer.stiffness), record.samples),
                 Some(curves) => transfer.film(curves).force(circle, path),
             },
+            DriveSpectra::Force { .. } | DriveSpectra::Voltage { .. } if transfer.in_series.is_some() => {
+                let loads = match &record.drive {
+                    DriveSpectra::Voltage { squared, .. } => loads(actuator, squared),
+                    DriveSpectra::Force { force, .. } => under(force),
+                    DriveSpectra::Displacement { .. } => return None,
+                };
+                let [displacement, stretched] = series::response(transfer.in_series.as_ref()?, &loads)?;
+                elongation = stretched;
+                displacement
+            }
             DriveSpectra::Force { force, spectrum } => match curves {
                 None => circle.series(product(spectrum, &transfer.compliance), record.samples),
-                Some(curves) => {
-                    bent(force.iter().map(|&force| Load { force_n: force, slope_n_per_m: 0.0 }).collect(), curves)?
-                }
+                Some(curves) => bent(under(force), curves)?,
             },
             DriveSpectra::Voltage { squared, spectrum, ones } => match (&transfer.law, curves) {
                 (_, Some(curves)) => bent(loads(actuator, squared), curves)?,
@@ -306,7 +336,7 @@ impl Objective {
             } else {
                 modelled.into_iter().map(|x| candidate.sensor().reading_m(x)).collect()
             };
-            (modelled, series)
+            Response { modelled, series, elongation }
         })
     }
 
