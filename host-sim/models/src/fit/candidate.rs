@@ -57,16 +57,21 @@ impl Candidate {
         Ok(self.bend.curve()?.map(|curve| Curves { curve, spring }))
     }
 
-    /// The spring in series with its memory, if it has one.
+    /// Whether it has a spring in series with its memory.
+    pub fn is_in_series(&self) -> bool {
+        self.bend == Bend::Straight && self.spring.is_some()
+    }
+
+    /// That spring.
     pub fn in_series(&self) -> Result<Option<Spring>, CurveError> {
-        self.spring.as_ref().filter(|_| self.bend == Bend::Straight).map(Elastic::spring).transpose()
+        self.spring.as_ref().filter(|_| self.is_in_series()).map(Elastic::spring).transpose()
     }
 
     /// The name of its curves in tables.
     pub fn curve_name(&self) -> String {
         match self.spring.as_ref().map(Elastic::pieces) {
             None => self.bend.name(),
-            Some(_) if self.bend == Bend::Straight => "spring in series".into(),
+            Some(_) if self.is_in_series() => "spring in series".into(),
             Some(0) => "two curves".into(),
             Some(pieces) => format!("two curves, spring {pieces}"),
         }

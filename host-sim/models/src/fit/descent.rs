@@ -9,7 +9,6 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use rayon::prelude::*;
 use springpot::{Actuator, Topology};
 
-use super::bend::Bend;
 use super::candidate::{Candidate, Variable};
 use super::objective::{Evaluation, Objective};
 use super::observation::{self, Excitation, Observation};
@@ -161,7 +160,7 @@ impl Context<'_> {
         // Eq. 1 leaves the scale of the force open, and with it the stiffness that belongs to a mass: beside a spring, where the memory is not to
         // explain inertia, it is fitted.
         let is_scale = |variable: &Variable| variable.force_exponent().is_some() || *variable == Variable::Mass;
-        let is_beside = candidate.spring.is_some() && candidate.bend != Bend::Straight;
+        let is_beside = candidate.spring.is_some() && !candidate.is_in_series();
         let is_open = is_beside && self.excitation.voltage_driven && candidate.actuator.mass_kg > 0.0;
         let is_open = is_open && !self.freed.iter().chain(&self.held).any(is_scale);
         let scale = is_open.then_some(Variable::Permittivity);

@@ -21,7 +21,7 @@ pub(crate) mod pattern_search;
 pub mod preparation;
 mod repeats;
 pub mod report;
-mod rising;
+pub mod rising;
 mod search;
 pub mod selection;
 pub mod settings;

@@ -203,9 +203,10 @@ impl Search<'_> {
                     None => context.explored_from(&starts, &variables),
                 }
             };
-            // With as many branches it comes near the best.
+            // With as many branches it comes near the best. A spring in series is worth one.
+            let size = |fit: &Found| fit.candidate.branches() + usize::from(fit.candidate.is_in_series());
             let goes_on = |fit: &Found| {
-                let mut rivals = others.iter().filter(|o| o.candidate.branches() <= fit.candidate.branches());
+                let mut rivals = others.iter().filter(|other| size(other) <= size(fit));
                 rivals.all(|other| is_near(fit.minimum.cost, other.minimum.cost))
             };
             fits.extend(self.growing(&kind.name(), branches(), None, fit, goes_on));

@@ -125,7 +125,11 @@ impl StructureFit {
         let objective = context.coarse;
         let evaluation = objective.evaluate(&found.candidate)?;
         let agreements = agreements_of(objective, &evaluation);
-        let mean = |of: fn(&Agreement) -> f64| agreements.iter().map(of).sum::<f64>() / agreements.len() as f64;
+        // A thinned recording may have no change left.
+        let mean = |of: fn(&Agreement) -> f64| {
+            let stated: Vec<f64> = agreements.iter().map(of).filter(|value| value.is_finite()).collect();
+            stated.iter().sum::<f64>() / stated.len().max(1) as f64
+        };
         let whiteness = Whiteness::new(objective.values(), &objective.residuals(&evaluation));
         let (errors, refits) = match left_out.refitted(context, &found) {
             Ok((errors, refits)) => (Ok(errors), refits),

@@ -166,8 +166,8 @@ impl Kind {
             CurveChoice::Both => free(true),
             CurveChoice::Two => two,
             CurveChoice::Series => series,
-            CurveChoice::Auto if volts => [vec![Self::Saturation], series, free(false), free(true), two].concat(),
-            CurveChoice::Auto => [vec![Self::MooneyRivlin, Self::Gent], series, free(false), two].concat(),
+            CurveChoice::Auto if volts => [series, vec![Self::Saturation], free(false), free(true), two].concat(),
+            CurveChoice::Auto => [series, vec![Self::MooneyRivlin, Self::Gent], free(false), two].concat(),
         };
         [vec![Self::Linear], nonlinear].concat()
     }

@@ -236,6 +236,7 @@ impl Recorded {
             Some(off.map(|(x, wanted)| (x - wanted).powi(2)).sum::<f64>() / (reference.len() - from) as f64)
         };
         let squares: Vec<f64> = self.refits.iter().map(square).collect::<Option<_>>()?;
+        println!("DEBUG {:?} {:?}", squares, self.misfit_m);
         (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
     }
 }
