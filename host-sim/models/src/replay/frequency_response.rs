@@ -54,7 +54,7 @@ pub struct Sweep {
     pub to_hz: f64,
     /// Number of frequencies, spaced evenly on a logarithmic scale.
     pub points: usize,
-    /// Displacement about which a film with an elastic curve oscillates, m.
+    /// Displacement about which a film that is not linear oscillates, m.
     pub at_m: f64,
     /// Steps per second of the law (f32, compressed); none for the continuous Eq. 11.
     pub law_hz: Option<f64>,

@@ -270,11 +270,16 @@ impl<'a> Sum<'a> {
     }
 }
 
-/// Full memory under loads and along a path, and the plant, against that sum: with mass and without it, under a force that jumps.
+/// Full memory under loads and along a path, and the plant, against that sum: with mass and without it, under a force that jumps, with springs
+/// that stiffen and that give way.
 #[test]
 fn full_memory_is_the_sum_over_the_past() {
-    for mass_kg in [0.0, 0.1] {
-        let film = fractional(mass_kg);
+    // Much softer from 0.2 mm on.
+    let knots = [(-5e-3, -22.0, 3e3), (-2e-4, -8.0, 8e3), (0.0, 0.0, 4e4), (2e-4, 8.0, 8e3), (5e-3, 22.0, 3e3)];
+    let soft = Spring::new(&knots.map(|(displacement, value, slope)| Knot { displacement, value, slope }));
+    let soft = Parameters { spring: Some(soft.expect("a spring")), ..fractional(0.0) };
+    for film in [fractional(0.0), fractional(0.1), soft] {
+        let mass_kg = film.model.mass_kg();
         let grid = Grid::covering(4.0, 100.0).expect("a grid");
         let volts = |t: f64| if t < 0.5 { 0.0 } else { 2500.0 + 900.0 * (TAU * 0.7 * t).sin() };
         let loads: Vec<Load<f64>> = grid.times_s().into_iter().map(|t| film.actuator.load(volts(t))).collect();
