@@ -26,17 +26,18 @@ impl Compression {
     /// One line of text.
     pub fn text(&self) -> String {
         let CompressionBound { horizon_s, force_per_increment, force_per_stroke, .. } = self.bound;
-        let displacement = if self.bound.displacement_per_stroke.is_finite() {
-            format!(
-                "displacement within {:.1e} of the stroke and {:.1e} of the largest increment",
-                self.bound.displacement_per_stroke, self.bound.displacement_per_increment
-            )
-        } else {
-            "displacement without a bound (a mass behind a curve)".to_owned()
+        let CompressionBound { displacement_per_increment, displacement_per_stroke, .. } = self.bound;
+        let within = |unit: &str, [stroke, increment]: [f32; 2], unknown: &str| {
+            if stroke.is_finite() {
+                format!("within {stroke:.1e}{unit} of the stroke and {increment:.1e}{unit} of the largest increment")
+            } else {
+                format!("without a bound ({unknown})")
+            }
         };
+        let displacement = within("", [displacement_per_stroke, displacement_per_increment], "a mass and a curve");
+        let force = within(" N/m", [force_per_stroke, force_per_increment], "a spring in series");
         format!(
-            "compression at {} Hz, over {horizon_s} s from rest: {displacement}, force within {force_per_stroke:.1e} N/m of \
-             the stroke and {force_per_increment:.1e} N/m of the largest increment",
+            "compression at {} Hz, over {horizon_s} s from rest: displacement {displacement}, force {force}",
             self.rate_hz
         )
     }

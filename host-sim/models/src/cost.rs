@@ -30,7 +30,7 @@ impl Cost {
     pub const LINEAR: Self = Self::stated(527, 1830, 2960);
     /// A film behind an elastic curve.
     pub const CURVED: Self = Self::stated(615, 2000, 3200);
-    /// A film with two curves.
+    /// A film with two curves, and about that of a film with a spring in series.
     pub const TWO_CURVES: Self = Self::stated(691, 2169, 3569);
 
     /// The cost of `film`.

@@ -89,7 +89,7 @@ pub struct Refit {
     /// Displacement (m), value (m) and slope of the elastic curve's knots.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     curve: Vec<[f64; 3]>,
-    /// Displacement (m), force (N) and slope (N/m) of the knots of the spring beside the memory.
+    /// Displacement (m), force (N) and slope (N/m) of the knots of the spring beside the memory; without a curve it is in series.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     spring: Vec<[f64; 3]>,
 }

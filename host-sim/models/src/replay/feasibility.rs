@@ -23,7 +23,8 @@ pub struct Feasibility {
     pub below_zero_pct: f64,
     /// Share of the time that needs more than the largest voltage or field, %.
     pub above_largest_pct: f64,
-    /// Share of the time beyond the stroke that the film's elastic curve or spring was measured over, %: it continues linearly there.
+    /// Share of the time beyond the stroke that the film's elastic curve or spring was measured over, %: it continues linearly there. A spring
+    /// in series has a stroke of its own, its elongation.
     pub beyond_curve_pct: f64,
     /// First time at which either is needed, s.
     pub first_s: Option<f64>,
@@ -119,10 +120,7 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
     let below: Vec<bool> = demand.force.iter().map(|f| *f < -demand.slack).collect();
     let above: Vec<bool> = (0..reference.len()).map(|k| demand.exceeds(k, 0.0, demand.force[k])).collect();
     let share = |flags: &[bool]| 100.0 * flags.iter().filter(|flag| **flag).count() as f64 / flags.len() as f64;
-    let curve = parameters.curve.as_ref().map(|curve| curve.pieces().range());
-    let ranges: Vec<(f64, f64)> = curve.into_iter().chain(parameters.spring.as_ref().map(Spring::range)).collect();
-    let is_beyond = |x: &f64| ranges.iter().any(|(low, high)| !(low..=high).contains(&x));
-    let beyond: Vec<bool> = reference.iter().map(is_beyond).collect();
+    let beyond = beyond_curve(parameters, reference, &demand);
     let amplifier = demand.lag.map(|lag| {
         let asked = lag.asked(&demand, 0.0, &demand.force);
         let first = |flags: &[bool]| flags.iter().position(|flag| *flag).map(|k| grid.time_s(k));
@@ -171,6 +169,22 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
             .map(|recorded| recorded.expectation(parameters, reference, grid, high_m - low_m, voltage_v())),
         smaller: None,
     })
+}
+
+/// Returns for each sample of `reference` (m) whether it is beyond the range of a curve or a spring: a spring in series has its own stroke.
+fn beyond_curve(parameters: &Parameters, reference: &[f64], demand: &Demand<'_>) -> Vec<bool> {
+    let beyond = |stroke: &[f64], (low, high): (f64, f64)| -> Vec<bool> {
+        stroke.iter().map(|x| !(low..=high).contains(x)).collect()
+    };
+    let spring = parameters.spring.as_ref().map(Spring::range);
+    match &parameters.curve {
+        None => spring.map_or(vec![false; reference.len()], |range| beyond(&demand.elongation(), range)),
+        Some(curve) => {
+            let (low, high) = curve.pieces().range();
+            let range = spring.map_or((low, high), |spring| (low.max(spring.0), high.min(spring.1)));
+            beyond(reference, range)
+        }
+    }
 }
 
 /// As [`check`], and where no offset makes the reference feasible, the largest tenth of it that one does.

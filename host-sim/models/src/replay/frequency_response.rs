@@ -3,25 +3,35 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex;
+use springpot::{Maxwell, Spring};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
+use crate::replay::in_series::elongation;
 
 /// The response of `parameters` to small oscillations about `at_m`, m/N.
 pub fn continuous(parameters: &Parameters, frequency_hz: f64, at_m: f64) -> Complex<f64> {
     let model = &parameters.model;
-    match &parameters.curve {
-        Some(curve) => {
-            let s = Complex::new(0.0, TAU * frequency_hz);
-            let slope = curve.pieces().slope(at_m);
-            match &parameters.spring {
-                Some(spring) => s * s * model.mass_kg() + model.modulus(s) * (slope * slope) + spring.slope(at_m),
-                None => s * s * model.mass_kg() + model.modulus(s) * slope,
-            }
-            .inv()
+    let s = Complex::new(0.0, TAU * frequency_hz);
+    let (inertia, memory) = (s * s * model.mass_kg(), model.modulus(s));
+    let slope = parameters.curve.as_ref().map(|curve| curve.pieces().slope(at_m));
+    match (slope, &parameters.spring) {
+        (Some(slope), Some(spring)) => inertia + memory * (slope * slope) + spring.slope(at_m),
+        (Some(slope), None) => inertia + memory * slope,
+        (None, Some(spring)) => {
+            let compliance = spring.slope(elongation_at(model, spring, at_m)).recip();
+            inertia + memory / (memory * compliance + 1.0)
         }
-        None => model.frequency_response(frequency_hz),
+        (None, None) => return model.frequency_response(frequency_hz),
     }
+    .inv()
+}
+
+/// What a `spring` in series with `model` is stretched by (m) where both are at `at_m` (m) within about a second, as a law has it.
+fn elongation_at(model: &Maxwell, spring: &Spring, at_m: f64) -> f64 {
+    let Complex { re, im } = model.modulus(Complex::new(0.0, TAU));
+    let memory = re.abs().max(im.abs());
+    elongation(spring, memory, memory * at_m, 0.0)
 }
 
 /// `count` frequencies from one to another (Hz), spaced evenly on a logarithmic scale.
@@ -44,7 +54,7 @@ pub struct Sweep {
     pub to_hz: f64,
     /// Number of frequencies, spaced evenly on a logarithmic scale.
     pub points: usize,
-    /// Displacement about which a film with an elastic curve oscillates, m.
+    /// Displacement about which a film that is not linear oscillates, m.
     pub at_m: f64,
     /// Steps per second of the law (f32, compressed); none for the continuous Eq. 11.
     pub law_hz: Option<f64>,

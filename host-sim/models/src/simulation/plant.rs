@@ -1,11 +1,12 @@
 //! Plants that a loop is closed around: a simulated nonlinear film, or the model of a parameter file with full memory.
 
-use host_fft::Planner;
 use springpot::{Actuator, Curve, Maxwell, Spring, Springpot};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::replay::full_memory::FullMemory;
+use crate::replay::in_series::{InSeries, Increments};
+use crate::replay::running_memory::RunningMemory;
 use crate::simulation::film::{Film, FilmState};
 
 /// A film in motion.
@@ -49,7 +50,7 @@ impl Plant for NonlinearPlant<'_> {
 /// How a plant differs from the parameters that describe it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mismatch {
-    /// Factor on every c and on the spring beside them: on the stiffness at all times.
+    /// Factor on every c and on the film's spring: on the stiffness at all times.
     pub stiffness: f64,
     /// Factor on every order α. c keeps its value, so that at 1 rad/s (0.16 Hz) an element is as stiff as before: it creeps
     /// more, or less, around that.
@@ -77,8 +78,6 @@ impl Mismatch {
     }
 }
 
-/// Substeps whose increments are summed one by one.
-const BLOCK: usize = 64;
 /// Steps of Newton's method in a substep: each squares the error.
 const MAX_NEWTON_STEPS: usize = 4;
 /// Force that has grown by this factor through coupling is a pull-in.
@@ -94,8 +93,8 @@ const MAX_SUBSTEPS: usize = 1 << 23;
 /// F_k = (m/h²) (Δx_k − Δx_{k−1}) + Σ_{j=0..k} g_j Δx_{k−j}
 /// ```
 ///
-/// and with an elastic curve T the sum is over the increments of T(x); beside a spring E(x) is added and the sum has the weight T'(x). g comes from Fourier transforms of K(ζ)/(1 − ζ), and the sum over the past is taken in blocks that double: a block of L
-/// increments that is complete adds its part to the next L sums, by a Fourier transform.
+/// and with an elastic curve T the sum is over the increments of T(x); beside a spring E(x) is added and the sum has the weight T'(x). With a
+/// spring S in series the sum is over the increments of y = x − e, and is S(e). g comes from Fourier transforms of K(ζ)/(1 − ζ).
 pub struct FullMemoryPlant {
     actuator: Actuator,
     curve: Option<Curve>,
@@ -104,14 +103,10 @@ pub struct FullMemoryPlant {
     inertia: f64,
     /// The last increment of x, m.
     last: f64,
-    /// g, N/m.
-    relaxation: Vec<f64>,
-    /// Increments of T(x), m.
-    increments: Vec<f64>,
-    /// Force that complete blocks leave in the substeps to come, N.
-    past_n: Vec<f64>,
+    memory: RunningMemory,
     displacement_m: f64,
-    planner: Planner,
+    /// What a spring in series is stretched by, m.
+    elongation_m: f64,
 }
 
 impl FullMemoryPlant {
@@ -138,22 +133,29 @@ impl FullMemoryPlant {
             spring: spring.map_err(|error| mismatch.refused(&error))?,
             last: 0.0,
             inertia: model.mass_kg() / (substep_s * substep_s),
-            relaxation,
-            increments: Vec::with_capacity(substeps),
-            past_n: vec![0.0; substeps],
+            memory: RunningMemory::new(relaxation),
             displacement_m: 0.0,
-            planner: Planner::new(),
+            elongation_m: 0.0,
         })
     }
 
-    /// The increment of x, and that of T(x), that resist the force `left` (N), which grows with `slope` (N/m), beside what the memory's `past`
+    /// The increment of x, and that of the memory, that resist the force `left` (N), which grows with `slope` (N/m), beside what the memory's `past`
     /// (N) resists.
     fn increment(&self, left: f64, slope: f64, past: f64) -> (f64, f64) {
         let constant = self.inertia - slope;
-        let Some(curve) = &self.curve else {
-            let stiffness = self.relaxation[0] + constant;
-            let increment = if stiffness > 0.0 { (left - past) / stiffness } else { f64::NAN };
-            return (increment, increment);
+        let instant = self.memory.instant();
+        let curve = match (&self.curve, &self.spring) {
+            (Some(curve), _) => curve,
+            (None, Some(spring)) => {
+                let film = InSeries { spring, elongation_m: self.elongation_m, instant, past_n: past };
+                let Increments { memory_m, spring_m } = film.under(left, constant);
+                return (memory_m + spring_m, memory_m);
+            }
+            (None, None) => {
+                let stiffness = instant + constant;
+                let increment = if stiffness > 0.0 { (left - past) / stiffness } else { f64::NAN };
+                return (increment, increment);
+            }
         };
         // Newton's method: the curve hardly bends within a substep.
         let at_rest = curve.value(self.displacement_m);
@@ -161,13 +163,13 @@ impl FullMemoryPlant {
         let mut increment = self.last;
         for _ in 0..MAX_NEWTON_STEPS {
             let x = self.displacement_m + increment;
-            let memory = past + self.relaxation[0] * stretched(increment);
+            let memory = past + instant * stretched(increment);
             let weight = curve.slope(x);
             let (shown, stiffness) = match &self.spring {
-                None => (memory, self.relaxation[0] * weight),
+                None => (memory, instant * weight),
                 Some(spring) => {
                     let bent = curve.curvature(x) * memory;
-                    (spring.force(x) + weight * memory, spring.slope(x) + self.relaxation[0] * weight * weight + bent)
+                    (spring.force(x) + weight * memory, spring.slope(x) + instant * weight * weight + bent)
                 }
             };
             let stiffness = stiffness + constant;
@@ -178,36 +180,6 @@ impl FullMemoryPlant {
         }
         (increment, stretched(increment))
     }
-
-    /// Adds what the last `length` increments leave in as many substeps to come.
-    fn pass_on(&mut self, length: usize) {
-        let now = self.increments.len();
-        let ahead = length.min(self.past_n.len() - now);
-        if ahead == 0 {
-            return;
-        }
-        let points = 2 * length;
-        let (forward, backward) = (self.planner.forward(points), self.planner.backward(points));
-        let spectrum_of = |values: &[f64]| {
-            let mut time = forward.make_input_vec();
-            time[..values.len()].copy_from_slice(values);
-            let mut spectrum = forward.make_output_vec();
-            forward.process(&mut time, &mut spectrum).expect("lengths are the plan's own");
-            spectrum
-        };
-        let mut product = spectrum_of(&self.increments[now - length..]);
-        let kernel = spectrum_of(&self.relaxation[..points.min(self.relaxation.len())]);
-        product.iter_mut().zip(kernel).for_each(|(value, kernel)| *value *= kernel);
-        // The first and last point of an even transform are real, up to rounding.
-        product[0].im = 0.0;
-        product[length].im = 0.0;
-        let mut time = backward.make_output_vec();
-        backward.process(&mut product, &mut time).expect("lengths are the plan's own");
-        // What wraps around lands in the first half, which belongs to the block itself.
-        for (sum, value) in self.past_n[now..now + ahead].iter_mut().zip(&time[length..]) {
-            *sum += value / points as f64;
-        }
-    }
 }
 
 impl Plant for FullMemoryPlant {
@@ -216,22 +188,14 @@ impl Plant for FullMemoryPlant {
     }
 
     fn advance(&mut self, voltage_v: f64) {
-        let k = self.increments.len();
-        if k >= self.past_n.len() {
-            return;
-        }
-        let block = &self.increments[k - k % BLOCK..];
-        let near: f64 = block.iter().rev().zip(&self.relaxation[1..]).map(|(dx, g)| dx * g).sum();
+        let Some(past) = self.memory.past_n() else { return };
         let load = self.actuator.load(voltage_v);
         let left = load.force_n + load.slope_n_per_m * self.displacement_m + self.inertia * self.last;
-        let (increment, stretched) = self.increment(left, load.slope_n_per_m, near + self.past_n[k]);
-        self.increments.push(stretched);
+        let (increment, stretched) = self.increment(left, load.slope_n_per_m, past);
+        self.memory.push(stretched);
         self.last = increment;
         self.displacement_m += increment;
-        let complete = self.increments.len();
-        if complete.is_multiple_of(BLOCK) {
-            self.pass_on(1 << complete.trailing_zeros());
-        }
+        self.elongation_m += increment - stretched;
     }
 
     fn holds(&self) -> bool {

@@ -13,6 +13,7 @@ use host_models::fit::bend::Bend;
 use host_models::fit::observation::Observation;
 use host_models::fit::settings::CurveChoice;
 use host_models::references::minimum_jerk;
+use host_models::replay::feasibility::Feasibility;
 use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
 use host_models::replay::{feasibility, simulate};
 use host_models::simulation::plant::{FullMemoryPlant, Mismatch, Plant};
@@ -163,15 +164,22 @@ fn two_curves() -> Parameters {
     Parameters { curve: Some(curve), spring: Some(spring), ..bent_parameters() }
 }
 
-/// Compressed and full memory, forwards and backwards, in both discretisations, and the plant, which solves every step exactly: behind a curve
-/// and with two.
+/// The same kernel in series with four such springs.
+fn in_series() -> Parameters {
+    let film = two_curves();
+    let spring = film.spring.map(|spring| spring.scaled(4.0).expect("a spring"));
+    Parameters { curve: None, spring, ..film }
+}
+
+/// Compressed and full memory, forwards and backwards, in both discretisations, and the plant, which solves every step exactly: behind a curve,
+/// with two, and with a spring in series.
 #[test]
 fn every_way_to_run_a_curve_agrees() {
     let grid = Grid::covering(8.0, 500.0).expect("a grid");
     let volts: Vec<f64> = grid.times_s().iter().map(|t| 1600.0 * (1.0 - (TAU * 0.6 * t).cos())).collect();
     let input = Input::Voltage(Samples { time_s: grid.times_s(), value: volts.clone() });
     let bar = ProgressBar::hidden();
-    let films = [bent_parameters(), two_curves()].into_iter();
+    let films = [bent_parameters(), two_curves(), in_series()].into_iter();
     let films = films
         .flat_map(|film| [Discretisation::Gl, Discretisation::Bdf2].map(|method| film.clone().with_method(method)));
     for parameters in films {
@@ -205,26 +213,33 @@ fn every_way_to_run_a_curve_agrees() {
     }
 }
 
-/// The feasible band behind a curve is bracketed: just inside it is feasible, just outside it is not.
+/// The feasible band of a film that is not linear is bracketed: just inside it is feasible, just outside it is not.
 #[test]
 fn the_feasible_band_behind_a_curve_is_bracketed() {
+    let _ = bracketed(&in_series());
     let parameters = bent_parameters();
+    let check = bracketed(&parameters);
+    assert_eq!(check(0.0).beyond_curve_pct, 0.0);
+    assert!(check(9e-3).beyond_curve_pct > 10.0);
+}
+
+/// Brackets the feasible band of `parameters`, and returns the check of an offset (m).
+fn bracketed(parameters: &Parameters) -> impl Fn(f64) -> Feasibility {
     let grid = Grid::covering(10.0, 200.0).expect("a grid");
     let limits = CommandLimits { max_voltage_v: 3500.0, ..CommandLimits::BENCH };
-    let path = |offset: f64| -> Vec<f64> {
+    let path = move |offset: f64| -> Vec<f64> {
         let rise = |t: f64| minimum_jerk(t / 2.0);
         let at = |t: &f64| (2e-3 + offset) * rise(*t) + 1e-3 * rise(*t) * (TAU * 0.5 * t).sin();
         grid.times_s().iter().map(at).collect()
     };
-    let check = |offset: f64| feasibility::check(&parameters, &path(offset), grid, &limits).expect("checked");
+    let check = move |offset: f64| feasibility::check(parameters, &path(offset), grid, &limits).expect("checked");
     let band = check(0.0);
     let (least, most) = (band.least_offset_m.expect("a band"), band.most_offset_m.expect("a band"));
     assert!(least < most, "{band:?}");
     for (offset, feasible) in [(least + 2e-5, true), (least - 2e-5, false), (most - 2e-5, true), (most + 2e-5, false)] {
         assert_eq!(check(offset).feasible, feasible, "{offset} of {least} to {most}: {:?}", check(offset));
     }
-    assert_eq!(band.beyond_curve_pct, 0.0);
-    assert!(check(9e-3).beyond_curve_pct > 10.0);
+    check
 }
 
 /// A curve in a file is used as it is written, and is unchanged when the file is written again.

@@ -33,6 +33,7 @@ mod relaxation;
 mod same_film;
 mod self_sensing;
 mod sensor_offset;
+mod series;
 mod stiffening;
 mod supply;
 #[allow(dead_code)] // samples of cases are for springpot's own sweeps

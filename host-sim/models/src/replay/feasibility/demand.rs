@@ -31,7 +31,7 @@ pub(super) struct Demand<'a> {
     preload: f64,
     /// Electrostatic force along the reference, N.
     pub(super) force: Vec<f64>,
-    /// Force per metre of offset, N/m: a linear film's force is linear in the path. None behind an elastic curve.
+    /// Force per metre of offset, N/m: a linear film's force is linear in the path. None for other films.
     per_offset: Option<Vec<f64>>,
     /// Force below which a difference is rounding, N.
     pub(super) slack: f64,
@@ -47,7 +47,8 @@ impl<'a> Demand<'a> {
         let law = parameters.film().compressed_law::<f64>(grid.rate_hz)?;
         parameters.actuator.check()?;
         let rise: Vec<f64> = (0..grid.samples).map(|k| minimum_jerk(grid.time_s(k) / RISE_S)).collect();
-        let per_offset = parameters.curve.is_none().then(|| force_along(&law, rise.iter().copied()));
+        let is_linear = parameters.curve.is_none() && parameters.spring.is_none();
+        let per_offset = is_linear.then(|| force_along(&law, rise.iter().copied()));
         let mut demand = Self {
             actuator: Actuator { preload: Preload::Settled, ..parameters.actuator },
             limits,
@@ -82,6 +83,16 @@ impl<'a> Demand<'a> {
             Some(per_offset) => self.force.iter().zip(per_offset).map(|(f, more)| f + offset * more).collect(),
             None => self.force_along_path(offset),
         }
+    }
+
+    /// Elongation (m) of a spring in series along the reference.
+    pub(super) fn elongation(&self) -> Vec<f64> {
+        let mut film = self.law.state();
+        let mut elongated = |&x: &f64| {
+            self.law.force(&mut film, x);
+            film.elongation()
+        };
+        self.reference.iter().map(&mut elongated).collect()
     }
 
     /// Squared voltage that sample `k` of the reference with `offset` (m) needs for `force` (N), V².
