@@ -126,10 +126,9 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 }
 
 impl<T: Scalar> Series<T> {
-    /// The knots of a straight curve, which is none, and those of the spring.
+    /// The knot of a straight curve, which is none, and those of the spring.
     pub(super) fn knots(&self) -> impl Iterator<Item = Knot<T>> + '_ {
-        let none = Knot { displacement: T::ZERO, value: T::ZERO, slope: T::from_f64(1.0) };
-        core::iter::once(none).chain(self.spring.knots())
+        core::iter::once(Knot::straight()).chain(self.spring.knots())
     }
 
     /// Visits what a step in series with the spring computes with.
