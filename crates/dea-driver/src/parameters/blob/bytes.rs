@@ -1,6 +1,6 @@
 //! The bytes of a blob: header, contents, checksum.
 
-use super::{BLOB_LEN, Blob, BlobError, SCHEMA, SCHEMA_WITHOUT_SPRING};
+use super::{BLOB_LEN, Blob, BlobError, SCHEMA, SCHEMA_OF_SPRING_BESIDE, SCHEMA_WITHOUT_SPRING};
 use crate::chips::Converters;
 use crate::parameters::{ControllerMemory, Parameters, SelfSensor};
 
@@ -105,7 +105,11 @@ impl<M: ControllerMemory> Parameters<M> {
             flags |= STATES_SELF_SENSING;
         }
         let length = u16::try_from(written).map_err(|_| BlobError::TooLong)?;
-        let schema = if M::has_spring(&self.law) { SCHEMA } else { SCHEMA_WITHOUT_SPRING };
+        let schema = match M::springs(&self.law) {
+            [_, true] => SCHEMA,
+            [true, false] => SCHEMA_OF_SPRING_BESIDE,
+            [false, false] => SCHEMA_WITHOUT_SPRING,
+        };
         let schema = schema | u16::from(flags) << 8;
         let header = BlobHeader { schema, board, length };
         let end = header.contents_end();
