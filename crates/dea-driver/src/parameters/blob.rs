@@ -13,9 +13,6 @@ use crate::safety::{LimitsError, Supervisor};
 /// before, which older firmware reads as well.
 pub const SCHEMA: u16 = 6;
 
-/// The version of blobs with a spring beside the memory.
-const SCHEMA_OF_SPRING_BESIDE: u16 = 5;
-
 /// The version of blobs without a spring.
 const SCHEMA_WITHOUT_SPRING: u16 = 4;
 

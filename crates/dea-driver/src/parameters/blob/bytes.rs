@@ -1,6 +1,6 @@
 //! The bytes of a blob: header, contents, checksum.
 
-use super::{BLOB_LEN, Blob, BlobError, SCHEMA, SCHEMA_OF_SPRING_BESIDE, SCHEMA_WITHOUT_SPRING};
+use super::{BLOB_LEN, Blob, BlobError, SCHEMA, SCHEMA_WITHOUT_SPRING};
 use crate::chips::Converters;
 use crate::parameters::{ControllerMemory, Parameters, SelfSensor};
 
@@ -8,6 +8,8 @@ const MAGIC: [u8; 4] = *b"DEA\x01";
 const CHECKSUM_LEN: usize = 4;
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
+/// The version of blobs with a spring beside the memory.
+const SCHEMA_OF_SPRING_BESIDE: u16 = 5;
 /// The sizes of a law that a blob does not state.
 const USUAL_SIZES: [u8; 3] = [12, 12, 24];
 /// Set in the schema's high byte where the contents begin with the sizes of the law.
