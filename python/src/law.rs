@@ -169,7 +169,7 @@ impl PyState {
         either!(&self.state, AnyState(_, state) => locked(py, state).position().to_f64())
     }
 
-    /// Whether the film is beyond the stroke that its elastic curve was measured over.
+    /// Whether the film is beyond the stroke that its elastic curve or spring was measured over.
     #[getter]
     fn beyond_curve(&self, py: Python<'_>) -> bool {
         either!(&self.state, AnyState(_, state) => locked(py, state).beyond_curve())

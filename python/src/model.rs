@@ -135,10 +135,17 @@ impl PyModel {
         self.parameters.assumed_sizes
     }
 
-    /// Kind of the elastic curve: mooney-rivlin, gent or free; None for a linear film.
+    /// Kind of the elastic curve: mooney-rivlin, gent, measure or free; None for a linear film.
     #[getter]
     fn curve(&self) -> Option<&'static str> {
         self.parameters.curve.as_ref().map(ElasticCurve::name)
+    }
+
+    /// Where the film has a spring: "beside" the memory, whose strain measure then is the curve, or "in series" with it; None without one.
+    #[getter]
+    fn spring(&self) -> Option<&'static str> {
+        let Parameters { curve, spring, .. } = &self.parameters;
+        spring.as_ref().map(|_| if curve.is_some() { "beside" } else { "in series" })
     }
 
     /// Force (N/m) left after `time_s` (s; a number or an array) per metre of a step of displacement; without the mass and the curve.

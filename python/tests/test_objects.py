@@ -104,7 +104,7 @@ def test_models_go_through_files(tmp_path: Path) -> None:
     sp.save(model, tmp_path / "film.toml")
     again = sp.load(tmp_path / "film.toml")
     assert again.to_toml() == model.to_toml()
-    for name in ("name", "topology", "main", "branches", "actuator", "sensor_offset_m", "curve", "sizes_assumed"):
+    for name in ("name", "topology", "main", "branches", "actuator", "sensor_offset_m", "curve", "spring", "sizes_assumed"):
         assert getattr(again, name) == getattr(model, name), name
     for other in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model)):
         assert other.to_toml() == model.to_toml()
@@ -121,6 +121,18 @@ def test_curves_are_kept() -> None:
     state = sp.Law(model, 1000).at_rest()
     state.force(0.05)
     assert state.beyond_curve
+
+
+def test_a_spring_in_series_is_kept() -> None:
+    """A film with a spring in series is read, run and written; under a force the spring adds to its creep."""
+    text = sp.load("preset:table3-n1").to_toml()
+    memory = sp.Model.from_toml(text)
+    series = text.replace("schema = 1", "schema = 4") + "\n[spring]\nin_series = true\nstiffness_n_per_m = 90000.0\n"
+    model = sp.Model.from_toml(series)
+    assert (memory.spring, model.spring, model.curve) == (None, "in series", None)
+    assert sp.Model.from_toml(model.to_toml()).to_toml() == model.to_toml()
+    alone, film = (sp.Law(law, 1000).settled(9.0, 60.0) for law in (memory, model))
+    assert film.displacement_m - alone.displacement_m == pytest.approx(9.0 / 90000.0, rel=1e-5)
 
 
 def test_loops_follow() -> None:

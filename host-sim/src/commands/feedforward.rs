@@ -169,7 +169,7 @@ fn verdict(check: &Feasibility) -> Vec<String> {
     }));
     if check.beyond_curve_pct > 0.0 {
         lines.push(format!(
-            "beyond the stroke that the film's elastic curve was measured over {:.2} % of the time; it goes on linearly there",
+            "beyond the stroke that the film's elastic curve or spring was measured over {:.2} % of the time; it goes on linearly there",
             check.beyond_curve_pct
         ));
     }

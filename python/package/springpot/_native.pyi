@@ -87,7 +87,8 @@ class Model:
     actuator: Final[Actuator]
     sensor_offset_m: Final[float]
     sizes_assumed: Final[bool]
-    curve: Final[Literal["mooney-rivlin", "gent", "free"] | None]
+    curve: Final[Literal["mooney-rivlin", "gent", "measure", "free"] | None]
+    spring: Final[Literal["beside", "in series"] | None]
     @overload
     def relaxation_modulus(self, time_s: float) -> float: ...
     @overload

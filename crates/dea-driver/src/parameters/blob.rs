@@ -9,9 +9,9 @@ use crate::chips::{CalibrationError, Converters};
 use crate::parameters::{ControllerMemory, Parameters};
 use crate::safety::{LimitsError, Supervisor};
 
-/// The newest version of the format, which has laws with a spring beside their memory. Other blobs are written as the version before, which
-/// older firmware reads as well.
-pub const SCHEMA: u16 = 5;
+/// The newest version of the format, which has laws with a spring in series with their memory. Other blobs are written as one of the versions
+/// before, which older firmware reads as well.
+pub const SCHEMA: u16 = 6;
 
 /// The version of blobs without a spring.
 const SCHEMA_WITHOUT_SPRING: u16 = 4;
@@ -70,7 +70,7 @@ pub enum BlobError {
     #[error("not a parameter blob")]
     Magic,
     /// Another version of the format.
-    #[error("the blob has schema {found}; this firmware reads {SCHEMA_WITHOUT_SPRING} and {SCHEMA}")]
+    #[error("the blob has schema {found}; this firmware reads {SCHEMA_WITHOUT_SPRING} to {SCHEMA}")]
     Schema {
         /// The version found.
         found: u16,

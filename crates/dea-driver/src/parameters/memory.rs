@@ -44,9 +44,9 @@ pub trait ControllerMemory: Memory<f32, History: Clone + Debug> + Clone + Debug 
     #[doc(hidden)]
     fn numbers(follower: &Follower<f32, Tracking<f32, Self>>, take: &mut impl Numbers<f32>);
 
-    /// Whether the law of `coefficients` has a spring beside its memory.
+    /// Whether the law of `coefficients` has a spring beside its memory, and one in series with it.
     #[doc(hidden)]
-    fn has_spring(coefficients: &Self::Coefficients) -> bool;
+    fn springs(coefficients: &Self::Coefficients) -> [bool; 2];
 
     /// The law of `coefficients`: [`Law::from_coefficients`].
     #[doc(hidden)]
@@ -78,8 +78,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> ControllerMemory f
         }
     }
 
-    fn has_spring(coefficients: &Self::Coefficients) -> bool {
-        coefficients.has_spring()
+    fn springs(coefficients: &Self::Coefficients) -> [bool; 2] {
+        [coefficients.has_spring(), coefficients.has_spring_in_series()]
     }
 
     fn law(coefficients: &Self::Coefficients, step_s: f64, mass_kg: f64) -> Result<Law<f32, Self>, LawError> {

@@ -20,7 +20,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{Actuator, AmplifierLag, Curve, Discretisation, Law, LawOptions, Measure, Preset, Spring};
 
-use crate::bench::board_parameters;
+use crate::bench::{board_parameters, law_in_series};
 use crate::scale::cases;
 
 const BOARD: u16 = 0x0405;
@@ -66,7 +66,8 @@ fn benches() -> Vec<Parameters> {
     let law = Law::compressed(&model, LawOptions::at_step(1e-3));
     let law = law.and_then(|law| law.beside(&Spring::linear(9e3).expect("valid"), &measure)).expect("valid");
     let beside = Parameters::bench(&law, Actuator::KARNER_2022);
-    vec![paper, slow, bent, module, stiffening, beside]
+    let in_series = Parameters { law: law_in_series::<f32>().coefficients(), ..paper.clone() };
+    vec![paper, slow, bent, module, stiffening, beside, in_series]
 }
 
 /// The blob of `contents` as doc/blob.md describes it.

@@ -1,7 +1,7 @@
 //! The bench of these tests: limits and parameters of a film like the paper's.
 
 use dea_driver::{BLOB_LEN, ControllerMemory, Limits, Parameters, PlausibilityLimits};
-use springpot::{Actuator, Law, LawOptions, Preset};
+use springpot::{Actuator, Law, LawOptions, Preset, Real, Spring};
 
 /// Limits of a bench with a film like the paper's.
 pub fn bench_limits() -> Limits {
@@ -16,6 +16,13 @@ pub fn bench_limits() -> Limits {
 pub fn law() -> Law<f32> {
     let model = Preset::TABLE3_N2.model().expect("valid");
     Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid")
+}
+
+/// The same in single or double precision with a spring in series, which stiffens fivefold within the stroke.
+pub fn law_in_series<T: Real>() -> Law<T> {
+    let model = Preset::TABLE3_N2.model().expect("valid");
+    let spring = Spring::through(&[(-0.1e-3, -15.0), (0.0, 0.0), (0.2e-3, 40.0), (0.5e-3, 220.0)]).expect("valid");
+    Law::compressed(&model, LawOptions::at_step(1e-3)).and_then(|law| law.in_series(&spring)).expect("valid")
 }
 
 /// Parameters of a board with that bench.

@@ -2,13 +2,13 @@
 //!
 //! The files under `blobs/` were written by `springpot export` when the blob got schema 4.
 
-use dea_driver::{BLOB_LEN, Blob, BlobHeader, Parameters, SCHEMA};
+use dea_driver::{BLOB_LEN, Blob, BlobError, BlobHeader, Parameters, SCHEMA};
 use springpot::{
-    Actuator, AmplifierLag, Coefficients, Curve, Discretisation, Law, LawOptions, Maxwell, Measure, Preload, Preset,
-    Spring, Springpot, Topology,
+    Actuator, AmplifierLag, Coefficients, Curve, Discretisation, Knot, Law, LawOptions, Maxwell, Measure, Preload,
+    Preset, Spring, Springpot, Topology,
 };
 
-use crate::bench::encoded;
+use crate::bench::{encoded, law_in_series};
 
 const BOARD: u16 = 0x0405;
 const PRESET: &[u8] = include_bytes!("blobs/table3-n2.bin");
@@ -87,7 +87,7 @@ fn a_blob_carries_both_curves() {
         std::fs::write(path, encoded(&Parameters::bench(&law, Actuator::KARNER_2022), BOARD)).expect("written");
     }
     let bytes = std::fs::read(path).expect("a blob");
-    assert_eq!(BlobHeader::read(&bytes).expect("a blob").schema, SCHEMA);
+    assert_eq!(BlobHeader::read(&bytes).expect("a blob").schema, SCHEMA - 1);
     let sent = parameters(&bytes);
     assert_eq!(sent.law, law.coefficients());
     let blob = Blob::<springpot::Compressed<f32>>::new(sent).expect("valid");
@@ -100,6 +100,45 @@ fn a_blob_carries_both_curves() {
     let name = "a name of thirty-two characters.".parse().expect("fits");
     let long = Parameters { name, ..Parameters::bench(&law, Actuator::KARNER_2022) };
     assert!(encoded(&long, BOARD).len() <= BLOB_LEN);
+}
+
+/// A law with a spring in series, in the schema that came with it. Its first knot alone says so: damage of that one is refused, as that of the spring.
+#[test]
+fn a_blob_carries_a_spring_in_series() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/driver/blobs/in-series.bin");
+    let law: Law<f32> = law_in_series();
+    if std::env::var_os("SPRINGPOT_WRITE").is_some() {
+        std::fs::write(path, encoded(&Parameters::bench(&law, Actuator::KARNER_2022), BOARD)).expect("written");
+    }
+    let bytes = std::fs::read(path).expect("a blob");
+    assert_eq!(BlobHeader::read(&bytes).expect("a blob").schema, SCHEMA);
+    let sent = parameters(&bytes);
+    assert_eq!(sent.law, law.coefficients());
+    let blob = Blob::<springpot::Compressed<f32>>::new(sent.clone()).expect("valid");
+    let received = blob.follower().compensator().observer().law();
+    assert_eq!(received, &law);
+    let (mut here, mut there) = (law.state(), received.state());
+    for k in 0..1000 {
+        let force_n = if k < 500 { 8.0 } else { 0.2 };
+        assert_eq!(received.displacement(&mut there, force_n), law.displacement(&mut here, force_n), "step {k}");
+    }
+
+    let damages: [fn(&mut [Knot<f32>]); 8] = [
+        |knots| knots[0].displacement = 1e-6,
+        |knots| knots[0].displacement = f32::NAN,
+        |knots| knots[0].value = 1e-6,
+        |knots| knots[0].slope = 0.0,
+        |knots| knots[0].slope = 1.0 + f32::EPSILON,
+        |knots| knots[2].value = f32::NAN,
+        |knots| knots[3].value = knots[2].value,
+        |knots| knots[1].displacement = knots[2].displacement,
+    ];
+    for (index, damage) in damages.iter().enumerate() {
+        let mut damaged = sent.clone();
+        damage(&mut damaged.law.curve);
+        let refused = Blob::<springpot::Compressed<f32>>::new(damaged).err();
+        assert!(matches!(refused, Some(BlobError::Law(_))), "{index}: {refused:?}");
+    }
 }
 
 /// A controller steps the host's law, of either method, to the bit.

@@ -30,7 +30,11 @@ impl FilmBench {
 
     pub fn with(parameters: Parameters) -> Self {
         let model = Preset::TABLE3_N2.model().expect("valid");
-        let law: Law<f64> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
+        Self::around(Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid"), parameters)
+    }
+
+    /// A bench with a film of this `law`.
+    pub fn around(law: Law<f64>, parameters: Parameters) -> Self {
         let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
         let controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
         let film = law.state();

@@ -20,6 +20,7 @@ mod fault_injection;
 mod film_bench;
 mod flight_recorder;
 mod host;
+mod in_series;
 mod inspection;
 mod lag;
 mod lean;

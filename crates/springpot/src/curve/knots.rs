@@ -26,6 +26,11 @@ pub struct Knot<T> {
 }
 
 impl<T: Scalar> Knot<T> {
+    /// The one knot of a straight curve: T(x) = x.
+    pub(crate) fn straight() -> Self {
+        Self { displacement: T::ZERO, value: T::ZERO, slope: T::from_f64(1.0) }
+    }
+
     pub(crate) fn wide(&self) -> Knot<f64> {
         Knot { displacement: self.displacement.to_f64(), value: self.value.to_f64(), slope: self.slope.to_f64() }
     }

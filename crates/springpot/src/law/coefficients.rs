@@ -118,7 +118,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         // In place: a law takes a good part of a small controller's stack.
         let mut law = Self::from_massless(step_s, instant, mass_kg, memory, method)?;
         let (curve, spring) = curve.split_at(curve_len(curve));
-        if let ([_], [_, ..]) = (curve, spring) {
+        if coefficients.has_spring_in_series() {
             law.add_series(&Spring::from_rounded(spring)?)?;
             return Ok(law);
         }
@@ -142,7 +142,8 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Coeffic
     /// Whether a spring is in series with the memory.
     #[must_use]
     pub fn has_spring_in_series(&self) -> bool {
-        self.curve.len() > 1 && curve_len(&self.curve) == 1
+        let (curve, spring) = self.curve.split_at(curve_len(&self.curve));
+        matches!(curve, [knot] if knot.wide() == Knot::straight()) && !spring.is_empty()
     }
 }
 

@@ -126,10 +126,9 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 }
 
 impl<T: Scalar> Series<T> {
-    /// The knots of a straight curve, which is none, and those of the spring.
+    /// The knot of a straight curve, which is none, and those of the spring.
     pub(super) fn knots(&self) -> impl Iterator<Item = Knot<T>> + '_ {
-        let none = Knot { displacement: T::ZERO, value: T::ZERO, slope: T::from_f64(1.0) };
-        core::iter::once(none).chain(self.spring.knots())
+        core::iter::once(Knot::straight()).chain(self.spring.knots())
     }
 
     /// Visits what a step in series with the spring computes with.
@@ -253,12 +252,16 @@ impl<T: Scalar> Series<T> {
 
 /// The elongation (m) of `spring` in series with a `memory` (N/m), both together stretched by `displacement` (m).
 pub(super) fn elongation(spring: &Spring, memory: f64, displacement: f64) -> f64 {
-    // Newton's method: the difference rises everywhere.
+    // Newton's method between bounds, as the difference falls everywhere: a spring that is steep between soft parts would make it jump to and fro.
+    let [mut low, mut high] = [libm::fmin(displacement, 0.0), libm::fmax(displacement, 0.0)];
     let mut elongation = 0.0;
-    for _ in 0..50 {
+    for _ in 0..100 {
         let off = memory * (displacement - elongation) - spring.force(elongation);
-        let moved = off / (memory + spring.slope(elongation));
-        elongation += moved;
+        *(if off > 0.0 { &mut low } else { &mut high }) = elongation;
+        let newton = elongation + off / (memory + spring.slope(elongation));
+        let next = if (low..=high).contains(&newton) { newton } else { 0.5 * (low + high) };
+        let moved = next - elongation;
+        elongation = next;
         if moved.abs() <= 4.0 * f64::EPSILON * elongation.abs() {
             break;
         }

@@ -32,13 +32,9 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// solved in blocks whose length grows with the time passed. A negative or NaN duration counts as 0.
     #[must_use]
     pub fn settled(&self, force: T, duration_s: f64) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {
-        self.crept(Creep::new(self, Under::Force(force.to_f64())), libm::round(duration_s / self.step_s()))
-    }
-
-    /// The state after so many `steps` of a `creep` from rest.
-    fn crept(&self, mut creep: Creep<HEAD>, steps: f64) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {
+        let mut creep = Creep::new(self, force.to_f64());
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
-        let steps = steps as u64;
+        let steps = libm::round(duration_s / self.step_s()) as u64;
         let mut done = 0;
         while done < steps {
             let block = (done / Creep::<HEAD>::FINENESS).min(steps - done);
@@ -54,19 +50,23 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     }
 
     /// The state of a film that has been held at `displacement` (m) for `duration_s`, at rest before: what
-    /// [`warm_up_along`](Law::warm_up_along) of that many equal displacements leaves, in closed form; with a spring in series, which relaxes with the memory,
-    /// in blocks as [`settled`](Self::settled).
+    /// [`warm_up_along`](Law::warm_up_along) of that many equal displacements leaves, in closed form.
+    ///
+    /// With a spring in series its memory has been held, where the film ends at `displacement`. In a film that is held the memory gets there gradually, as the spring
+    /// relaxes, and remembers less.
     #[must_use]
     #[inline(never)]
     pub fn held(&self, displacement: T, duration_s: f64) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {
         let steps = libm::fmax(libm::round(duration_s / self.step_s()), 1.0);
         let position = displacement.to_f64();
-        if self.rounded_series().is_some() {
-            return self.crept(Creep::new(self, Under::Displacement(position)), steps);
-        }
+        let lost_share = |loss: T| -libm::expm1(steps * libm::log1p(-loss.to_f64()));
+        let elongation = self.rounded_series().map_or(0.0, |spring| {
+            let left = self.memory().modes().map(|(loss, weight)| weight.to_f64() * (1.0 - lost_share(loss))).sum();
+            elongation(&spring, left, position)
+        });
         // Behind a curve what relaxes is T(x).
-        let stretch = self.curved.as_ref().map_or(position, |curved| curved.value_and_slope(position).0);
-        let lost = |loss: T| libm::expm1(steps * libm::log1p(-loss.to_f64())) * -stretch;
+        let stretch = self.curved.as_ref().map_or(position, |curved| curved.value_and_slope(position).0) - elongation;
+        let lost = |loss: T| lost_share(loss) * stretch;
         let mut state = self.state();
         (state.history.left, state.history.left_surplus) = split(stretch);
         for (slot, mode) in state.history.fast.iter_mut().zip(&self.memory().fast) {
@@ -80,6 +80,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
             *slot = Dashpot { displacement, surplus };
         }
         (state.position, state.position_surplus) = split(position);
+        (state.bend.elongation, state.bend.elongation_surplus) = split(elongation);
         self.placed_after(state, T::ZERO)
     }
 
@@ -102,17 +103,10 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         let curve = creep.curve.as_ref();
         let stretched = curve.map_or(creep.position, |curve| curve.inverse(creep.position));
         let slope = curve.map_or(1.0, |curve| curve.slope(stretched));
-        let elongation = match (creep.under, &creep.series) {
-            (_, None) => 0.0,
-            (Under::Force(force), Some(spring)) => spring.displacement(force),
-            (Under::Displacement(displacement), Some(_)) => displacement - stretched,
-        };
+        let elongation = self.rounded_series().map_or(0.0, |spring| spring.displacement(creep.force));
         (state.bend.elongation, state.bend.elongation_surplus) = split(elongation);
         (state.position, state.position_surplus) = split(stretched + elongation);
-        state.increment = match creep.under {
-            Under::Force(_) => T::from_f64(creep.increments[0] / slope),
-            Under::Displacement(_) => T::ZERO,
-        };
+        state.increment = T::from_f64(creep.increments[0] / slope);
         self.placed_after(state, head[0])
     }
 }
@@ -123,16 +117,9 @@ fn split<T: Scalar>(value: f64) -> (T, T) {
     (rounded, T::from_f64(rounded.to_f64() - value))
 }
 
-/// What is constant while a film creeps or relaxes: the force, N, or with a spring in series the displacement, m.
-#[derive(Clone, Copy)]
-enum Under {
-    Force(f64),
-    Displacement(f64),
-}
-
-/// Creep in f64, in blocks of steps.
+/// Creep under a constant force in f64, in blocks of steps.
 struct Creep<const HEAD: usize> {
-    under: Under,
+    force: f64,
     /// g_0 … g_HEAD.
     head: [f64; TERMS],
     modes: [CreepMode; MAX_NODES],
@@ -142,7 +129,6 @@ struct Creep<const HEAD: usize> {
     position: f64,
     curve: Option<Curve>,
     spring: Option<Spring>,
-    series: Option<Spring>,
 }
 
 impl<const HEAD: usize> Creep<HEAD> {
@@ -153,7 +139,7 @@ impl<const HEAD: usize> Creep<HEAD> {
 
     fn new<T: Scalar, const FAST: usize, const SLOW: usize>(
         law: &Law<T, Compressed<T, HEAD, FAST, SLOW>>,
-        under: Under,
+        force: f64,
     ) -> Self {
         let mut head = [0.0; TERMS];
         head[0] = law.instant();
@@ -166,24 +152,16 @@ impl<const HEAD: usize> Creep<HEAD> {
             let loss = loss.to_f64();
             *slot = CreepMode { loss, ln_left: libm::log1p(-loss), weight: weight.to_f64() };
         }
-        let (curve, spring, series) = (law.rounded_curve(), law.rounded_spring(), law.rounded_series());
+        let (curve, spring) = (law.rounded_curve(), law.rounded_spring());
         let (extensions, increments) = ([0.0; MAX_NODES], [0.0; HEAD]);
-        Self { under, head, modes, extensions, increments, position: 0.0, curve, spring, series }
+        Self { force, head, modes, extensions, increments, position: 0.0, curve, spring }
     }
 
     /// The change with which the force is met, where the memory's force is `memory` + `stiffness` · change (N) and T(x) `value` + `steps` · change
     /// (m).
     fn change(&self, [memory, stiffness]: [f64; 2], [value, steps]: [f64; 2]) -> f64 {
-        let force = match (self.under, &self.series) {
-            (Under::Displacement(displacement), Some(spring)) => {
-                let left = displacement - value;
-                let softened = stiffness / steps;
-                return (left - elongation(spring, softened, left + memory / softened)) / steps;
-            }
-            (Under::Force(constant) | Under::Displacement(constant), _) => constant,
-        };
         let (Some(measure), Some(spring)) = (&self.curve, &self.spring) else {
-            return (force - memory) / stiffness;
+            return (self.force - memory) / stiffness;
         };
         // Newton's method in x, from where the film was.
         let mut x = measure.inverse(self.position);
@@ -194,7 +172,7 @@ impl<const HEAD: usize> Creep<HEAD> {
             let remembered = memory + stiffness * change;
             // A step that the spring's fall does not turn round.
             let steepness = spring.slope(x) + measure.curvature(x) * remembered + slope * slope * stiffness / steps;
-            let off = force - spring.force(x) - slope * remembered;
+            let off = self.force - spring.force(x) - slope * remembered;
             let moved = off / steepness.max(0.1 * slope * slope * stiffness / steps);
             x += moved;
             if moved.abs() <= 4.0 * f64::EPSILON * x.abs() {

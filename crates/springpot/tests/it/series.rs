@@ -68,17 +68,39 @@ fn the_slope_is_that_of_slow_changes() {
     }
 }
 
+/// In a film that was held the memory went on slowly: it remembers less than one that was at its end all the time, by a few per cent.
 #[test]
-fn a_film_that_was_held_is_where_stepping_brings_it() {
+fn a_film_that_was_held_is_about_where_stepping_brings_it() {
     let law = law(0.0, Discretisation::Gl);
     let mut stepped = law.state();
     law.warm_up_along(&mut stepped, (0..20_000).map(|_| 3e-3));
     let mut held = law.held(3e-3, 20.0);
-    assert!((held.base_force() / stepped.base_force() - 1.0).abs() < 1e-4);
-    assert!((held.elongation() / stepped.elongation() - 1.0).abs() < 1e-4 && held.elongation() > 2e-4);
-    for _ in 0..1000 {
-        let (force, again) = (law.force(&mut stepped, 2e-3), law.force(&mut held, 2e-3));
-        assert!((again - force).abs() < 1e-3, "{again} N instead of {force}");
+    let relaxed = [held.base_force() / stepped.base_force(), held.elongation() / stepped.elongation()];
+    println!("force and elongation of a film that was held, over those of steps: {relaxed:.4?}");
+    assert!(relaxed.iter().all(|ratio| (0.98..1.0).contains(ratio)) && held.elongation() > 2e-4, "{relaxed:?}");
+    let mut most = 1.0f64;
+    for step in 0..1000 {
+        let left = [&mut held, &mut stepped].map(|state| law.displacement(state, 0.0));
+        most = most.max(left[0] / left[1]);
+        assert!(left[0] > left[1], "step {step}: {left:?}");
+    }
+    println!("what is left of its creep, over that of steps: at most {most:.4}");
+    assert!(most < 1.05, "{most}");
+}
+
+/// A spring that is soft, steep and soft again: Newton's method alone jumps from one soft part to the other.
+#[test]
+fn a_held_film_has_the_force_of_its_spring() {
+    let points = [(-1e-4, -0.1), (0.0, 0.0), (1e-4, 0.1), (1.1e-4, 50.0), (3e-3, 51.0), (5e-3, 52.0)];
+    let spring = Spring::through(&points).expect("valid");
+    for c in [100.0, 1000.0, 10_000.0, 100_000.0] {
+        let model = Maxwell::new(springpot(c, 0.2), &[], Topology::Parallel, 0.0).expect("valid");
+        let law = law_by::<f64>(&model, 1e-3, Discretisation::Gl).in_series(&spring).expect("rises");
+        for held_m in (1..200).map(|k| 5e-5 * f64::from(k)) {
+            let held = law.held(held_m, 20.0);
+            let off = spring.force(held.elongation()) / held.base_force() - 1.0;
+            assert!(off.abs() < 1e-6, "{c}, {held_m} m: {off}");
+        }
     }
 }
 

@@ -9,5 +9,6 @@ mod misreadings;
 mod other_files;
 mod refused_recordings;
 mod sealed_records;
+mod spring_in_series;
 mod written_files;
 mod wrong_readings;

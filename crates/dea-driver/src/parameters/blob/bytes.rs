@@ -8,6 +8,8 @@ const MAGIC: [u8; 4] = *b"DEA\x01";
 const CHECKSUM_LEN: usize = 4;
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
+/// The version of blobs with a spring beside the memory.
+const SCHEMA_OF_SPRING_BESIDE: u16 = 5;
 /// The sizes of a law that a blob does not state.
 const USUAL_SIZES: [u8; 3] = [12, 12, 24];
 /// Set in the schema's high byte where the contents begin with the sizes of the law.
@@ -105,7 +107,11 @@ impl<M: ControllerMemory> Parameters<M> {
             flags |= STATES_SELF_SENSING;
         }
         let length = u16::try_from(written).map_err(|_| BlobError::TooLong)?;
-        let schema = if M::has_spring(&self.law) { SCHEMA } else { SCHEMA_WITHOUT_SPRING };
+        let schema = match M::springs(&self.law) {
+            [_, true] => SCHEMA,
+            [true, false] => SCHEMA_OF_SPRING_BESIDE,
+            [false, false] => SCHEMA_WITHOUT_SPRING,
+        };
         let schema = schema | u16::from(flags) << 8;
         let header = BlobHeader { schema, board, length };
         let end = header.contents_end();

@@ -13,8 +13,9 @@ use super::curve::CurveTable;
 use super::spring::{self, SpringTable};
 use crate::choice::Choice;
 
-/// The versions of the format: the second has elastic curves, saturation, and couplings of either sign, the third a spring and strain measures.
-pub(super) const SCHEMAS: [u32; 3] = [1, 2, 3];
+/// The versions of the format: the second has elastic curves, saturation, and couplings of either sign, the third a spring and strain measures, the
+/// fourth a spring in series.
+pub(super) const SCHEMAS: [u32; 4] = [1, 2, 3, 4];
 
 /// A parameter file.
 #[derive(Deserialize)]
@@ -213,8 +214,7 @@ pub(super) fn write(parameters: &Parameters) -> String {
         saturation_v,
     } = parameters.actuator;
     // Files that do without what is new stay readable for earlier versions.
-    let new = parameters.curve.is_some() || saturation_v.is_some() || stretch_coupling < 0.0;
-    let schema = SCHEMAS[if parameters.has_two_curves() { 2 } else { usize::from(new) }];
+    let schema = parameters.schema();
     let saturation = saturation_v.map(|volts| format!("saturation_v = {volts:?}\n")).unwrap_or_default();
     let (preload, topology) = (preload.name(), parameters.model.topology().name());
     let element = |e: &Springpot| format!("{{ c = {:?}, alpha = {:?} }}", e.c, e.alpha);
@@ -246,7 +246,7 @@ pub(super) fn write(parameters: &Parameters) -> String {
         text.push_str(&curve.to_toml());
     }
     if let Some(spring) = &parameters.spring {
-        text.push_str(&spring::to_toml(spring));
+        text.push_str(&spring::to_toml(spring, parameters.curve.is_none()));
     }
     if (parameters.sensor_offset_m, parameters.sensor_delay_s) != (0.0, 0.0) {
         let _ =

@@ -36,7 +36,7 @@ pub struct Parameters {
     pub model: Maxwell,
     /// The elastic curve of the film, if it has one.
     pub curve: Option<ElasticCurve>,
-    /// The spring beside the film's memory, if it has one: then the curve is the memory's strain measure.
+    /// The spring beside the film's memory, whose strain measure then is the curve; without a curve the spring is in series with the memory.
     pub spring: Option<Spring>,
     /// How s is discretised in their laws: not in the file, but chosen with the rate.
     pub method: Discretisation,
@@ -215,16 +215,11 @@ impl Parameters {
         };
         if let Some(table) = &file.spring {
             let refused = |cause: String| place.error(table.span(), format!("[spring] {cause}"));
-            if schema < 3 {
-                return Err(refused("needs schema = 3".into()));
-            }
-            if parameters.curve.is_none() {
-                return Err(refused("needs [curve], the strain measure of the memory".into()));
-            }
-            parameters.spring = Some(table.get_ref().spring().map_err(refused)?);
-            // What a law refuses of the two is refused here, where their line is known: at the rate of a controller.
+            let has_curve = parameters.curve.is_some();
+            parameters.spring = Some(table.get_ref().spring(schema, has_curve).map_err(refused)?);
+            // What a law refuses of the curves is refused here, where their line is known: at the rate of a controller.
             parameters.film().compressed_law::<f64>(1000.0).map_err(|e| refused(short(&e)))?;
-        } else if schema < 3 && parameters.has_two_curves() {
+        } else if schema < parameters.schema() {
             return Err(place.error(file.schema.span(), "a curve of elastic = \"measure\" needs schema = 3".into()));
         }
         if let Some(table) = &file.board {
@@ -255,10 +250,15 @@ impl Parameters {
         Film { model: &self.model, curve, spring: self.spring.as_ref(), method: self.method }
     }
 
-    /// Whether a file of these parameters needs the schema of two curves.
-    fn has_two_curves(&self) -> bool {
-        let is_measure = self.curve.as_ref().is_some_and(|curve| matches!(curve.shape(), Shape::Measure(_)));
-        is_measure || self.spring.is_some()
+    /// The first schema that has all of these parameters.
+    fn schema(&self) -> u32 {
+        let has_new = self.actuator.saturation_v.is_some() || self.actuator.stretch_coupling < 0.0;
+        match (self.curve.as_ref().map(ElasticCurve::shape), &self.spring) {
+            (None, Some(_)) => 4,
+            (Some(_), Some(_)) | (Some(Shape::Measure(_)), None) => 3,
+            (Some(_), None) => 2,
+            (None, None) => 1 + u32::from(has_new),
+        }
     }
 
     /// The same, stepped by `method`.
@@ -330,8 +330,8 @@ impl Place<'_> {
         if SCHEMAS.contains(schema.get_ref()) {
             return Ok(());
         }
-        let [first, second, third] = SCHEMAS;
-        let cause = format!("schema = {}; this version reads schema = {first}, {second} and {third}", schema.get_ref());
+        let [first, .., last] = SCHEMAS;
+        let cause = format!("schema = {}; this version reads schema = {first} to {last}", schema.get_ref());
         Err(self.error(schema.span(), cause))
     }
 

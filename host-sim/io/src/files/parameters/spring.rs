@@ -1,4 +1,4 @@
-//! The `[spring]` table: the elastic force beside the film's memory.
+//! The `[spring]` table: the elastic force beside the film's memory, or in series with it.
 
 use std::fmt::Write;
 
@@ -11,6 +11,9 @@ use crate::error::short;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SpringTable {
+    /// Whether the spring is in series with the memory, not beside it.
+    #[serde(default)]
+    in_series: bool,
     stiffness_n_per_m: Option<f64>,
     displacement_m: Option<Vec<f64>>,
     force_n: Option<Vec<f64>>,
@@ -18,8 +21,15 @@ pub(super) struct SpringTable {
 }
 
 impl SpringTable {
-    /// The spring, or what is wrong.
-    pub(super) fn spring(&self) -> Result<Spring, String> {
+    /// The spring of a film in a file of this `schema`, which `has_curve` or not; or what is wrong.
+    pub(super) fn spring(&self, schema: u32, has_curve: bool) -> Result<Spring, String> {
+        match (self.in_series, has_curve) {
+            (true, _) if schema < 4 => return Err("in_series needs schema = 4".into()),
+            (false, _) if schema < 3 => return Err("needs schema = 3".into()),
+            (true, true) => return Err("in_series excludes [curve]: leave out one of them".into()),
+            (false, false) => return Err("needs [curve], the strain measure of the memory, or in_series = true".into()),
+            _ => {}
+        }
         let spring = match (self.stiffness_n_per_m, &self.displacement_m, &self.force_n) {
             (Some(stiffness), None, None) if self.slope_n_per_m.is_none() => Spring::linear(stiffness),
             (None, Some(displacement), Some(force)) => {
@@ -42,9 +52,13 @@ impl SpringTable {
     }
 }
 
-/// The table as TOML text.
-pub(super) fn to_toml(spring: &Spring) -> String {
-    let mut text = "\n[spring] # beside the memory, whose strain measure is [curve]\n".to_owned();
+/// The table of a `spring`, in series or beside the memory, as TOML text.
+pub(super) fn to_toml(spring: &Spring, in_series: bool) -> String {
+    let place = match in_series {
+        true => "in_series = true # with the memory: displacement_m is what the spring alone is stretched by",
+        false => "# beside the memory, whose strain measure is [curve]",
+    };
+    let mut text = format!("\n[spring]{}{place}\n", if in_series { '\n' } else { ' ' });
     let mut row = |name: &str, of: fn(&Knot<f64>) -> f64| {
         let numbers: Vec<String> = spring.knots().iter().map(|knot| format!("{:?}", of(knot))).collect();
         // Writing to a string cannot fail.

@@ -1,0 +1,67 @@
+//! Control of a film with a spring in series: its creep is that of a memory alone, its stroke stiffens.
+
+use dea_driver::{DriverState, Mode, Parameters};
+use springpot::{Law, LawOptions, Preset};
+
+use crate::bench::{board_parameters, law_in_series};
+use crate::film_bench::FilmBench as Bench;
+
+fn parameters(law: &Law<f32>) -> Parameters {
+    Parameters { law: law.coefficients(), ..board_parameters() }
+}
+
+/// Swings between 0.4 mm and 1.2 mm; returns how far the film is off its reference, at most.
+fn furthest_off_m(law: &Law<f32>, mode: Mode, force_scale: f64) -> f64 {
+    let mut bench = Bench { force_scale, ..Bench::around(law_in_series(), parameters(law)) };
+    bench.start(mode);
+    let mut furthest_m = 0.0f64;
+    for tick in 0..20_000 {
+        let time_s = f64::from(tick) / 1000.0;
+        let reference_m = 0.8e-3 * (time_s / 2.0).min(1.0) - 0.4e-3 * (0.6 * time_s).sin();
+        bench.set_reference(reference_m.max(0.0) as f32);
+        let telemetry = bench.tick(|_| ()).telemetry;
+        assert!(telemetry.command_v <= bench.parameters.limits.max_voltage_v && telemetry.predicted_m.is_finite());
+        if tick > 10_000 {
+            furthest_m = furthest_m.max((bench.displacement_m - reference_m).abs());
+        }
+    }
+    assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
+    furthest_m
+}
+
+/// Along its own law the film is where it shall be; a law without the spring is off by a good part of the stroke. Tracking corrects a force that is off.
+#[test]
+fn feedforward_and_tracking_follow_a_film_with_a_spring_in_series() {
+    let law = law_in_series();
+    let straight = Law::compressed(&Preset::TABLE3_N2.model().expect("valid"), LawOptions::at_step(1e-3));
+    let straight: Law<f32> = straight.expect("valid");
+    let known = furthest_off_m(&law, Mode::Feedforward, 1.0);
+    let unknown = furthest_off_m(&straight, Mode::Feedforward, 1.0);
+    let weaker = furthest_off_m(&law, Mode::Feedforward, 0.9);
+    let tracked = furthest_off_m(&law, Mode::Tracking, 0.9);
+    let um = [known, unknown, weaker, tracked].map(|off_m| 1e6 * off_m);
+    println!("off by {um:.1?} µm: its own law, one without the spring, a weaker film, tracked");
+    assert!(um[0] < 2.0 && um[1] > 50.0 && um[2] > 30.0 && um[3] < 0.3 * um[2], "{um:?}");
+}
+
+/// The largest stroke is kept: the film is where its model trips, and the margin of the law that watches it is a small share.
+#[test]
+fn a_film_with_a_spring_in_series_keeps_its_stroke() {
+    let law = law_in_series::<f32>();
+    let mut parameters = parameters(&law);
+    parameters.limits.max_displacement_m = 1e-3;
+    let margin = law.margin_of(&law.coarser::<4, 11, 7>(), 1e-3, 0.0);
+    println!("the law that watches may be behind by {:.3} %", 100.0 * margin);
+    assert!((0.0..0.05).contains(&margin), "{margin}");
+    let mut bench = Bench::around(law_in_series(), parameters);
+    bench.start(Mode::Voltage);
+    let (mut volts, mut furthest_m) = (0.0, 0.0f64);
+    while bench.controller.supervisor().state() == DriverState::Running {
+        volts += 0.5;
+        bench.ask(|controller| controller.set_voltage(volts)).expect("within the limits");
+        bench.tick(|_| ());
+        furthest_m = furthest_m.max(bench.displacement_m);
+    }
+    println!("{:?} at {volts} V, {furthest_m} m", bench.controller.supervisor().state());
+    assert!((0.9e-3..1.02e-3).contains(&furthest_m), "{furthest_m} m at {volts} V");
+}
