@@ -217,7 +217,7 @@ static inline float springpot_shift(
 
 /* Completes `state` for the next step with a spring in series: the force and the stiffness that it meets ahead, from the force of the
  * `memory` there and that of past increments in the `inertia` (N). */
-static SPRINGPOT_NOT_INLINED void springpot_meet_series(
+static inline void springpot_meet_series(
     const springpot_film *SPRINGPOT_RESTRICT film, springpot_state *SPRINGPOT_RESTRICT state, float memory, float inertia)
 {
     const springpot_curve *curve = film->curve;
@@ -249,7 +249,7 @@ static inline float springpot_stretch_series(springpot_state *state, float incre
 
 /* The force (N) of a film with a spring in series `increment` (m) from the last step, and how the memory's increment changes with it (m).
  * Two steps of Newton's method: a displacement may jump. */
-static SPRINGPOT_NOT_INLINED float springpot_force_series(
+static inline float springpot_force_series(
     const springpot_film *SPRINGPOT_RESTRICT film, const springpot_state *state, float increment, float *SPRINGPOT_RESTRICT shift)
 {
     const springpot_curve *curve = film->curve;
@@ -408,6 +408,19 @@ static inline float springpot_force_at(const springpot_film *film, const springp
     return force;
 }
 
+/* Force (N) that a film with a spring in series shows when it is `increment` (m) from its last step at the next one. */
+static SPRINGPOT_NOT_INLINED float springpot_step_series(
+    const springpot_film *SPRINGPOT_RESTRICT film, springpot_state *SPRINGPOT_RESTRICT state, float increment)
+{
+    float shift;
+    const float force = springpot_force_series(film, state, increment, &shift);
+    const float inertia = springpot_store(film->curve, state, increment);
+    const float stretched = springpot_stretch_series(state, increment, shift);
+    state->predicted = stretched;
+    springpot_meet_series(film, state, springpot_remember(&film->law, state, stretched), inertia);
+    return force;
+}
+
 /* Force (N) that the film shows when it is at `displacement` (m) at the next step: relaxation. */
 static inline float springpot_force(const springpot_film *film, springpot_state *state, float displacement)
 {
@@ -420,27 +433,22 @@ static inline float springpot_force(const springpot_film *film, springpot_state 
         force = state->base + (film->law.stiffness * (increment - state->increment));
         state->increment = increment;
         state->base = springpot_remember(&film->law, state, increment);
+    } else if (film->series != NULL) {
+        force = springpot_step_series(film, state, increment);
     } else {
+        const springpot_place ahead = state->ahead;
         springpot_elastic elastic;
+        springpot_place here;
         float off;
-        float predicted;
-        if (film->series != NULL) {
-            force = springpot_force_series(film, state, increment, &off);
-            predicted = springpot_stretch_series(state, increment, off);
-        } else {
-            const springpot_place ahead = state->ahead;
-            springpot_place here;
-            springpot_meet(film, state, displacement + state->origin, 0.0F, &elastic);
-            here = state->ahead;
-            off = springpot_between(&here, &ahead);
-            force = springpot_force_at(film, state, here.slope, &elastic, increment, off);
-            state->ahead.beyond = here.beyond + (here.slope * increment);
-            if (film->spring != NULL) {
-                elastic.force = elastic.force + (elastic.steepness * increment);
-            }
-            predicted = state->ahead.beyond - here.beyond;
+        springpot_meet(film, state, displacement + state->origin, 0.0F, &elastic);
+        here = state->ahead;
+        off = springpot_between(&here, &ahead);
+        force = springpot_force_at(film, state, here.slope, &elastic, increment, off);
+        state->ahead.beyond = here.beyond + (here.slope * increment);
+        if (film->spring != NULL) {
+            elastic.force = elastic.force + (elastic.steepness * increment);
         }
-        springpot_remember_bent(film, state, increment, off, predicted, &elastic);
+        springpot_remember_bent(film, state, increment, off, state->ahead.beyond - here.beyond, &elastic);
     }
     return force;
 }
