@@ -78,6 +78,11 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         self.bend_to(Shape::Series(series), [slope, rounded.max_slope().1].map(at))
     }
 
+    /// Whether a spring is in series with the memory.
+    pub(super) fn is_in_series(&self) -> bool {
+        matches!(self.bent(), Some((_, Shape::Series(_))))
+    }
+
     /// The spring in series, as the number type holds it.
     pub(crate) fn rounded_series(&self) -> Option<Spring> {
         match self.bent()?.1 {

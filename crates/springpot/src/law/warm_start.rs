@@ -35,6 +35,12 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         self.crept(Creep::new(self, Under::Force(force.to_f64())), libm::round(duration_s / self.step_s()))
     }
 
+    /// The state of a film that was held at `displacement` (m) for so many `steps`. Not inlined: a creep takes much stack.
+    #[inline(never)]
+    fn relaxed(&self, displacement: f64, steps: f64) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {
+        self.crept(Creep::new(self, Under::Displacement(displacement)), steps)
+    }
+
     /// The state after so many `steps` of a `creep` from rest.
     fn crept(&self, mut creep: Creep<HEAD>, steps: f64) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
@@ -61,8 +67,8 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     pub fn held(&self, displacement: T, duration_s: f64) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {
         let steps = libm::fmax(libm::round(duration_s / self.step_s()), 1.0);
         let position = displacement.to_f64();
-        if self.rounded_series().is_some() {
-            return self.crept(Creep::new(self, Under::Displacement(position)), steps);
+        if self.is_in_series() {
+            return self.relaxed(position, steps);
         }
         // Behind a curve what relaxes is T(x).
         let stretch = self.curved.as_ref().map_or(position, |curved| curved.value_and_slope(position).0);
