@@ -34,13 +34,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The default law, alone, behind a curve and beside a spring, and the lean ones, of a published model.
+/// The default law, alone, behind a curve, beside and in series with a spring, and the lean ones, of a published model.
 fn coefficients() -> Result<String, Box<dyn Error>> {
     let model = Preset::TABLE3_N2.model()?;
     let options = LawOptions::at_step(1e-3);
     let default: Law<f32> = Law::compressed(&model, options)?;
     let curved = default.clone().behind(&chip_program::curve())?;
     let two = default.clone().beside(&chip_program::spring(), &chip_program::measure())?;
+    let series = default.clone().in_series(&chip_program::spring())?;
     let lean: Law<f32, Compressed<f32, 8, 14, 4>> =
         Law::compressed(&model, options.with_horizon(3600.0).with_tolerance(1e-3))?;
     let leanest: Law<f32, Compressed<f32, 8, 16, 0>> =
@@ -49,6 +50,7 @@ fn coefficients() -> Result<String, Box<dyn Error>> {
         function("default_law", "12, 12, 24", &default.coefficients()),
         function("curved_law", "12, 12, 24", &curved.coefficients()),
         function("two_curves_law", "12, 12, 24", &two.coefficients()),
+        function("series_law", "12, 12, 24", &series.coefficients()),
         function("lean_law", "8, 14, 4", &lean.coefficients()),
         function("leanest_law", "8, 16, 0", &leanest.coefficients()),
     ]

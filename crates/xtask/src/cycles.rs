@@ -19,13 +19,15 @@ use crate::process::{Result, line, output, read, root};
 use crate::setup::{TARGETS, Toolchain, built};
 
 /// Functions of `tests/embedded/src/cycles.rs`, and the rows of docs/results.md that they are for.
-const KERNELS: [(&str, &str); 17] = [
+const KERNELS: [(&str, &str); 20] = [
     ("creep_12_36", "creep/12+36"),
     ("relaxation_12_36", "relaxation/12+36"),
     ("creep_12_36_curve", "creep/12+36+curve"),
     ("relaxation_12_36_curve", "relaxation/12+36+curve"),
     ("creep_12_36_curves", "creep/12+36+curves"),
     ("relaxation_12_36_curves", "relaxation/12+36+curves"),
+    ("creep_12_36_series", "creep/12+36+series"),
+    ("relaxation_12_36_series", "relaxation/12+36+series"),
     ("creep_8_18", "creep/8+18"),
     ("relaxation_8_18", "relaxation/8+18"),
     ("creep_8_16", "creep/8+16"),
@@ -37,6 +39,7 @@ const KERNELS: [(&str, &str); 17] = [
     ("tick", "tick/12+36"),
     ("tick_curve", "tick/12+36+curve"),
     ("tick_curves", "tick/12+36+curves"),
+    ("tick_series", "tick/12+36+series"),
 ];
 
 /// Cycles by the rows of docs/results.md.

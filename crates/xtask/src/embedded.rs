@@ -178,12 +178,15 @@ fn within_bars(counted: &BTreeMap<String, u64>) -> Result<()> {
         ("relaxation/12+36+curve", 620),
         ("creep/12+36+curves", 700),
         ("relaxation/12+36+curves", 700),
+        ("creep/12+36+series", 700),
+        ("relaxation/12+36+series", 700),
         ("creep/8+16", 220),
         ("relaxation/8+16", 220),
         ("self-sensing", 150),
         ("tick/12+36", 2000),
-        ("tick/12+36+curve", 2000),
+        ("tick/12+36+curve", 2020),
         ("tick/12+36+curves", 2250),
+        ("tick/12+36+series", 2150),
     ];
     for (name, bar) in bars {
         let counts: Vec<_> = counted.iter().filter(|(full_name, _)| is_of(full_name, name)).collect();

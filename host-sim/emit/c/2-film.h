@@ -34,6 +34,12 @@ typedef struct {
     springpot_piece pieces[SPRINGPOT_PIECES];
 } springpot_curve;
 
+/* The curve is a spring S in series with the memory, force over elongation. */
+typedef struct {
+    float slow;  /* stiffness of slow changes of the memory, N/m */
+    float scale; /* 1 plus that over the spring's stiffness at rest */
+} springpot_series;
+
 /* A spring E beside the memory, whose force then has the weight T'. */
 typedef struct {
     float least;                                            /* least stiffness of a step, N/m */
@@ -239,6 +245,7 @@ typedef struct {
     springpot_adaptation adaptation;
     const springpot_curve *curve;         /* NULL: force follows x itself */
     const springpot_spring *spring;       /* NULL: no spring is beside the memory */
+    const springpot_series *series;       /* NULL: no spring is in series with the memory */
     const springpot_amplifier *amplifier; /* NULL: it follows at once */
     const springpot_learning *learning;   /* NULL: nothing is learned */
     springpot_law law;

@@ -1,6 +1,6 @@
 /* ---- States: what changes with every tick. The caller owns them; `init` sets all of one. */
 
-/* The place of a film on its curve. */
+/* The place of a film on its curve, or on its spring in series: then `knot` and `beyond` are in N and `slope` in N/m. */
 typedef struct {
     float knot;    /* T at the knot below, m */
     float beyond;  /* T minus that, m */
@@ -25,8 +25,10 @@ typedef struct {
     float past;             /* the increment before the last, m */
     float stiffness;        /* force per displacement within the next step, N/m */
     float slope;            /* stiffness of slow changes at that step over that at rest */
-    float memory;           /* beside a spring: force of the memory at that step, N */
+    float memory;           /* with a spring: force of the memory at that step, N */
     float inertia;          /* likewise, of past increments, N */
+    float elongation;         /* of a spring in series, m; `ahead` is then on it, and `predicted` the memory's increment */
+    float elongation_surplus; /* what rounding added to it, m */
     uint32_t newest;        /* of the increments below */
     float left;             /* displacement that has left the head, m */
     float left_surplus;     /* what rounding added to it, m */
@@ -129,10 +131,10 @@ typedef struct {
 } springpot_tracking_state;
 
 /* Sizes on every target: nothing is padded. */
-SPRINGPOT_ASSERT(sizeof(springpot_state) == 408U, a_state_of_a_law_takes_408_bytes);
-SPRINGPOT_ASSERT(sizeof(springpot_feedforward_state) == 456U, a_state_of_feedforward_takes_456_bytes);
-SPRINGPOT_ASSERT(sizeof(springpot_observer_state) == 744U, a_state_of_an_observer_takes_744_bytes);
-SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 1136U, a_state_of_tracking_takes_1136_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_state) == 416U, a_state_of_a_law_takes_416_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_feedforward_state) == 464U, a_state_of_feedforward_takes_464_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_observer_state) == 752U, a_state_of_an_observer_takes_752_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 1144U, a_state_of_tracking_takes_1144_bytes);
 
 /* ---- Inputs and outputs. */
 

@@ -188,23 +188,109 @@ static inline void springpot_meet_spring(
     state->slope = (spring->spring_share * (elastic->steepness + bent)) + (spring->memory_share * square);
 }
 
+/* What a spring in series is stretched by after an `increment` (m). */
+static inline springpot_dashpot springpot_elongated(const springpot_state *state, float increment)
+{
+    const float addend = increment - state->elongation_surplus;
+    springpot_dashpot elongated;
+    elongated.displacement = state->elongation + addend;
+    elongated.surplus = (elongated.displacement - state->elongation) - addend;
+    return elongated;
+}
+
+/* Sets `place` to that on the spring in series after it was stretched by an `increment` (m). */
+static inline void springpot_on_series(
+    const springpot_curve *curve, const springpot_state *state, float increment, springpot_place *place)
+{
+    const springpot_dashpot at = springpot_elongated(state, increment);
+    /* It has no more pieces than a spring beside the memory. */
+    springpot_in_pieces(
+        curve->pieces, SPRINGPOT_SPRING_PIECES, curve->low, curve->high, at.displacement, at.surplus, place, NULL);
+}
+
+/* How the memory's increment changes (m) if that of the film changes by `change` (m), along the tangent of the spring in series at `at`. */
+static inline float springpot_shift(
+    const springpot_curve *curve, const springpot_state *state, const springpot_place *at, float change)
+{
+    return ((at->slope * change) - (state->memory - (at->knot + at->beyond))) / (curve->instant + at->slope);
+}
+
+/* Completes `state` for the next step with a spring in series: the force and the stiffness that it meets ahead, from the force of the
+ * `memory` there and that of past increments in the `inertia` (N). */
+static inline void springpot_meet_series(
+    const springpot_film *SPRINGPOT_RESTRICT film, springpot_state *SPRINGPOT_RESTRICT state, float memory, float inertia)
+{
+    const springpot_curve *curve = film->curve;
+    const springpot_series *series = film->series;
+    float share;
+    float elastic;
+    float slope;
+
+    springpot_on_series(curve, state, state->increment - state->predicted, &state->ahead);
+    slope = state->ahead.slope;
+    share = slope / (curve->instant + slope);
+    elastic = state->ahead.knot + state->ahead.beyond;
+    state->base = elastic + ((share * (memory - elastic)) + inertia);
+    state->memory = memory;
+    state->inertia = inertia;
+    state->stiffness = (curve->instant * share) + curve->inertia;
+    state->slope = series->scale * (slope / (series->slow + slope));
+}
+
+/* Stores the elongation after an `increment` (m) of which the memory has the last one and a `shift` (m); returns that of the memory. */
+static inline float springpot_stretch_series(springpot_state *state, float increment, float shift)
+{
+    const float stretched = state->predicted + shift;
+    const springpot_dashpot elongated = springpot_elongated(state, increment - stretched);
+    state->elongation = elongated.displacement;
+    state->elongation_surplus = elongated.surplus;
+    return stretched;
+}
+
+/* The force (N) of a film with a spring in series `increment` (m) from the last step, and how the memory's increment changes with it (m).
+ * Two steps of Newton's method: a displacement may jump. */
+static inline float springpot_force_series(
+    const springpot_film *SPRINGPOT_RESTRICT film, const springpot_state *state, float increment, float *SPRINGPOT_RESTRICT shift)
+{
+    const springpot_curve *curve = film->curve;
+    const float change = increment - state->increment;
+    const float first = springpot_shift(curve, state, &state->ahead, change);
+    springpot_place place;
+    float last;
+
+    /* The spring has what that leaves of the change; the rest along its tangent there. */
+    springpot_on_series(curve, state, (state->increment - state->predicted) + (change - first), &place);
+    last = springpot_shift(curve, state, &place, first);
+    *shift = last;
+    return (state->memory + (curve->instant * last)) + (state->inertia + (curve->inertia * change));
+}
+
+/* Stores the newest `increment` (m) of a film with a curve, and returns the force (N) of past increments in the inertia. */
+static inline float springpot_store(const springpot_curve *curve, springpot_state *state, float increment)
+{
+    const float inertia = (curve->past_inertia[0] * increment)
+        + ((curve->past_inertia[1] * state->increment) + (curve->past_inertia[2] * state->past));
+    state->past = state->increment;
+    state->increment = increment;
+    return inertia;
+}
+
 /* Stores the newest increment (m) of a film behind a curve, where T was `off` (m) from its value ahead, and will be `predicted` (m)
- * further at the new place ahead, which is in `state` already. */
+ * further at the new place ahead, which is in `state` already; or with a spring in series, whose memory is `predicted` (m) further now. */
 static inline void springpot_remember_bent(const springpot_film *film, springpot_state *state, float increment, float off,
     float predicted, const springpot_elastic *elastic)
 {
     const springpot_curve *curve = film->curve;
     const float stretched = state->predicted + off;
-    const float inertia = (curve->past_inertia[0] * increment)
-        + ((curve->past_inertia[1] * state->increment) + (curve->past_inertia[2] * state->past));
+    const float inertia = springpot_store(curve, state, increment);
     const float change = curve->instant * (predicted - stretched);
     float remembered;
 
     state->predicted = predicted;
-    state->past = state->increment;
-    state->increment = increment;
     remembered = springpot_remember(&film->law, state, stretched);
-    if (film->spring == NULL) {
+    if (film->series != NULL) {
+        springpot_meet_series(film, state, remembered, inertia);
+    } else if (film->spring == NULL) {
         state->base = remembered + (change + inertia);
     } else {
         springpot_meet_spring(film, state, elastic, remembered + change, inertia);
@@ -224,13 +310,20 @@ static inline float springpot_change_increment(const springpot_film *film, sprin
         state->increment = increment;
         state->base = springpot_remember(&film->law, state, increment);
     } else {
-        springpot_place place = state->ahead;
         springpot_elastic elastic;
         float off;
-        place.beyond = place.beyond + (place.slope * change);
-        off = place.beyond - state->ahead.beyond;
-        springpot_look_ahead(film, state, increment, &elastic);
-        springpot_remember_bent(film, state, increment, off, springpot_between(&state->ahead, &place), &elastic);
+        float predicted;
+        if (film->series != NULL) {
+            off = springpot_shift(film->curve, state, &state->ahead, change);
+            predicted = springpot_stretch_series(state, increment, off);
+        } else {
+            springpot_place place = state->ahead;
+            place.beyond = place.beyond + (place.slope * change);
+            off = place.beyond - state->ahead.beyond;
+            springpot_look_ahead(film, state, increment, &elastic);
+            predicted = springpot_between(&state->ahead, &place);
+        }
+        springpot_remember_bent(film, state, increment, off, predicted, &elastic);
     }
     return position;
 }
@@ -255,6 +348,8 @@ static inline void springpot_init(const springpot_film *film, springpot_state *s
     state->slope = 1.0F;
     state->memory = 0.0F;
     state->inertia = 0.0F;
+    state->elongation = 0.0F;
+    state->elongation_surplus = 0.0F;
     state->newest = 0U;
     state->left = 0.0F;
     state->left_surplus = 0.0F;
@@ -268,7 +363,9 @@ static inline void springpot_init(const springpot_film *film, springpot_state *s
         state->slow[i].displacement = 0.0F;
         state->slow[i].surplus = 0.0F;
     }
-    if (film->curve != NULL) {
+    if (film->series != NULL) {
+        springpot_meet_series(film, state, 0.0F, 0.0F);
+    } else if (film->curve != NULL) {
         springpot_elastic elastic;
         springpot_place place;
         springpot_on_curve(film, 0.0F, 0.0F, &place, &elastic);
@@ -277,6 +374,8 @@ static inline void springpot_init(const springpot_film *film, springpot_state *s
         if (film->spring != NULL) {
             springpot_meet_spring(film, state, &elastic, 0.0F, 0.0F);
         }
+    } else {
+        /* Nothing bends. */
     }
 }
 
@@ -309,6 +408,19 @@ static inline float springpot_force_at(const springpot_film *film, const springp
     return force;
 }
 
+/* Force (N) that a film with a spring in series shows when it is `increment` (m) from its last step at the next one. */
+static SPRINGPOT_NOT_INLINED float springpot_step_series(
+    const springpot_film *SPRINGPOT_RESTRICT film, springpot_state *SPRINGPOT_RESTRICT state, float increment)
+{
+    float shift;
+    const float force = springpot_force_series(film, state, increment, &shift);
+    const float inertia = springpot_store(film->curve, state, increment);
+    const float stretched = springpot_stretch_series(state, increment, shift);
+    state->predicted = stretched;
+    springpot_meet_series(film, state, springpot_remember(&film->law, state, stretched), inertia);
+    return force;
+}
+
 /* Force (N) that the film shows when it is at `displacement` (m) at the next step: relaxation. */
 static inline float springpot_force(const springpot_film *film, springpot_state *state, float displacement)
 {
@@ -321,6 +433,8 @@ static inline float springpot_force(const springpot_film *film, springpot_state 
         force = state->base + (film->law.stiffness * (increment - state->increment));
         state->increment = increment;
         state->base = springpot_remember(&film->law, state, increment);
+    } else if (film->series != NULL) {
+        force = springpot_step_series(film, state, increment);
     } else {
         const springpot_place ahead = state->ahead;
         springpot_elastic elastic;
@@ -346,6 +460,9 @@ static inline float springpot_force_to(const springpot_film *film, const springp
     float force;
     if (film->curve == NULL) {
         force = state->base + (film->law.stiffness * (increment - state->increment));
+    } else if (film->series != NULL) {
+        float shift;
+        force = springpot_force_series(film, state, increment, &shift);
     } else {
         springpot_elastic elastic;
         springpot_place here;

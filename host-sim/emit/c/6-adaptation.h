@@ -98,6 +98,14 @@ static inline springpot_remembered springpot_remembered_of(const springpot_film 
     if (film->spring != NULL) {
         memory.force = state->memory;
         memory.weight = state->ahead.slope;
+    } else if (film->series != NULL) {
+        const float share = memory.slope / (film->curve->instant + memory.slope);
+        memory.force = state->memory;
+        memory.value = ((state->position + state->origin) - state->elongation) + state->predicted;
+        memory.weight = share;
+        memory.slope = share;
+    } else {
+        /* The memory's force is that of the film. */
     }
     return memory;
 }

@@ -100,6 +100,9 @@ static uint32_t fingerprint(const springpot_film *film)
     if (film->spring != NULL) {
         hash = mixed(hash, film->spring, sizeof *film->spring);
     }
+    if (film->series != NULL) {
+        hash = mixed(hash, film->series, sizeof *film->series);
+    }
     hash = mixed(hash, &film->fade, sizeof film->fade);
     hash = mixed(hash, &film->adaptation, sizeof film->adaptation);
     if (film->amplifier != NULL) {

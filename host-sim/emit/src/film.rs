@@ -23,7 +23,7 @@ pub struct Film<'a> {
 /// `NAME.c`: the tables of a film. One program can have several films: nothing but their symbols is visible.
 #[must_use]
 pub fn film(film: &Film) -> String {
-    let Film { symbol, name, tracking, learning, self_sensing } = *film;
+    let Film { symbol, name, tracking, .. } = *film;
     let step_s = tracking.observer().law().step_s();
     let name = plain(name);
     let mut text = format!(
@@ -34,14 +34,20 @@ pub fn film(film: &Film) -> String {
         rounded(1.0 / step_s),
         env!("CARGO_PKG_VERSION"),
     );
-    text.push_str(&Table::new(tracking, learning, self_sensing).definitions(symbol, step_s));
+    text.push_str(&table(film).definitions(symbol, step_s));
     text
 }
 
-/// Declarations of the structures of `film`, which has all of them: `c/2-film.h`.
+/// Declarations of the structures of two films, which together have all of them: `c/2-film.h`.
 #[must_use]
-pub fn declarations(film: &Film) -> String {
-    Table::new(film.tracking, film.learning, film.self_sensing).declarations()
+pub fn declarations(film: &Film, other: &Film) -> String {
+    let mut all = table(film);
+    all.add(table(other));
+    all.declarations()
+}
+
+fn table(film: &Film) -> Table {
+    Table::new(film.tracking, film.learning, film.self_sensing)
 }
 
 /// `name` without what would end a comment or an attribute, or begin one within it.

@@ -7,9 +7,10 @@ use springpot::{Learning, Numbers, Record, SelfSensing, Tracking};
 /// Structures within `springpot_film`, in their order.
 const WITHIN: [&str; 5] = ["drive", "inverse", "observer", "fade", "adaptation"];
 /// Structures that `springpot_film` points to, and what a null pointer means.
-const BESIDE: [(&str, &str); 4] = [
+const BESIDE: [(&str, &str); 5] = [
     ("curve", "NULL: force follows x itself"),
     ("spring", "NULL: no spring is beside the memory"),
+    ("series", "NULL: no spring is in series with the memory"),
     ("amplifier", "NULL: it follows at once"),
     ("learning", "NULL: nothing is learned"),
 ];
@@ -69,7 +70,21 @@ impl Table {
         }
     }
 
-    /// Declares all structures: `c/2-film.h`, from a film that has all of them.
+    /// Adds the structures of `other` that are not in this table, each after the one that is before it there.
+    pub(crate) fn add(&mut self, other: Self) {
+        let mut at = 0;
+        for structure in other.0 {
+            match self.0.iter().position(|known| known.name == structure.name) {
+                Some(known) => at = known + 1,
+                None => {
+                    self.0.insert(at, structure);
+                    at += 1;
+                }
+            }
+        }
+    }
+
+    /// Declares all structures: `c/2-film.h`, from a table that has all of them.
     pub(crate) fn declarations(&self) -> String {
         let mut text = "/* ---- A film: computed by the host, constant. Its values are for the functions below; read step_s and the limits if you like.\n \
                         * What has no unit here is a plain number. Generated from the visits of the crate springpot. */\n\n"

@@ -29,14 +29,17 @@ impl Cost {
     /// A linear film.
     pub const LINEAR: Self = Self::stated(527, 1830, 2960);
     /// A film behind an elastic curve.
-    pub const CURVED: Self = Self::stated(615, 2000, 3200);
-    /// A film with two curves, and about that of a film with a spring in series.
+    pub const CURVED: Self = Self::stated(615, 2006, 3268);
+    /// A film with two curves.
     pub const TWO_CURVES: Self = Self::stated(691, 2169, 3569);
+    /// A film with a spring in series.
+    pub const SERIES: Self = Self::stated(643, 2072, 3517);
 
     /// The cost of `film`.
     pub fn new(film: Film<'_>) -> Self {
         match (film.curve, film.spring) {
-            (_, Some(_)) => Self::TWO_CURVES,
+            (Some(_), Some(_)) => Self::TWO_CURVES,
+            (None, Some(_)) => Self::SERIES,
             (Some(_), None) => Self::CURVED,
             (None, None) => Self::LINEAR,
         }

@@ -131,12 +131,14 @@ fn names_in_a_legend_do_not_overlap() {
 fn stated_costs_are_those_of_the_results() {
     let documents = Documents::read().expect("readable");
     let stated = |row: &str, column: &str| documents.number(&[row], column).expect("in the table");
-    for (cost, curve) in [(Cost::LINEAR, ""), (Cost::CURVED, "+curve"), (Cost::TWO_CURVES, "+curves")] {
+    let costs =
+        [(Cost::LINEAR, ""), (Cost::CURVED, "+curve"), (Cost::TWO_CURVES, "+curves"), (Cost::SERIES, "+series")];
+    for (cost, curve) in costs {
         let tick = format!("tick/12+36{curve}");
         assert_eq!(f64::from(cost.instructions_per_step), stated(&format!("creep/12+36{curve}"), "Cortex-M4F"));
         assert_eq!(f64::from(cost.instructions_per_tick), stated(&tick, "Cortex-M4F"));
         assert_eq!(f64::from(cost.cycles_per_tick), stated(&tick, "cycles of the M4F"));
     }
     // 1.8 and 1.9 % of a core, as the text below the table says.
-    assert!((Cost::LINEAR.core_pct - 1.76).abs() < 0.01 && (Cost::CURVED.core_pct - 1.9).abs() < 0.01);
+    assert!((Cost::LINEAR.core_pct - 1.76).abs() < 0.01 && (Cost::CURVED.core_pct - 1.945).abs() < 0.005);
 }

@@ -17,8 +17,8 @@ pub fn run(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model:
     observer(report, name("observer"), law(model));
     tracking(report, name("tracking"), law(model));
     adaptive(report, name("adaptive"), law(model));
-    // What it learns does not depend on the curve.
-    if !name("learning").film.curved {
+    // What it learns does not depend on the curves.
+    if !name("learning").film.is_curved() {
         learning(report, name("learning"), &law(model));
     }
     // Nor does self-sensing depend on the model.

@@ -37,42 +37,61 @@ pub struct Film {
     pub method: Discretisation,
     /// Step of its law, s.
     pub step_s: f64,
-    /// Whether an elastic curve of as many pieces as there may be is in front of the law, on an actuator that saturates.
-    pub curved: bool,
-    /// Whether a spring is beside the memory instead, which has a strain measure of its own: eight pieces each.
-    pub spring: bool,
+    /// The curves of its law, on an actuator that saturates if there are any.
+    pub curves: Curves,
+}
+
+/// Curves of a law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Curves {
+    /// There is none.
+    None,
+    /// An elastic curve of as many pieces as there may be before the memory.
+    Before,
+    /// A spring beside the memory, which has a strain measure of its own: eight pieces each.
+    Beside,
+    /// That spring in series with the memory.
+    Series,
 }
 
 /// The films of the program.
-pub const FILMS: [Film; 10] = [
+pub const FILMS: [Film; 12] = [
     Film::from_preset("table3-n1", Topology::Eq11),
     Film::from_preset("table3-n2", Topology::Eq11),
     Film::from_preset("table3-n5", Topology::Eq11),
     Film::from_preset("table3-n5", Topology::Parallel),
     Film { method: Discretisation::Bdf2, ..Film::from_preset("table3-n2", Topology::Eq11) },
-    Film { curved: true, ..Film::from_preset("table3-n2", Topology::Eq11) },
-    Film { curved: true, method: Discretisation::Bdf2, ..Film::from_preset("table3-n2", Topology::Eq11) },
-    Film { curved: true, spring: true, ..Film::from_preset("table3-n2", Topology::Eq11) },
-    Film { curved: true, spring: true, method: Discretisation::Bdf2, ..Film::from_preset("table3-n2", Topology::Eq11) },
+    Film::with_curves(Curves::Before, Discretisation::Gl),
+    Film::with_curves(Curves::Before, Discretisation::Bdf2),
+    Film::with_curves(Curves::Beside, Discretisation::Gl),
+    Film::with_curves(Curves::Beside, Discretisation::Bdf2),
     Film { method: Discretisation::Bdf2, step_s: SLOW_S, ..Film::from_preset("table3-n2", Topology::Eq11) },
+    Film::with_curves(Curves::Series, Discretisation::Gl),
+    Film::with_curves(Curves::Series, Discretisation::Bdf2),
 ];
 
-/// Films of each kind: stepped by either method, straight, behind a curve and beside a spring, fast and slow. Beside a spring a tick is built in more than 16 KiB: slow ones have none here. All of them take a chip without an FPU
+/// Films of each kind: stepped by either method, straight, behind a curve and with a spring, fast and slow. With a spring a tick is built in more than 16 KiB: slow ones have none here. All of them take a chip without an FPU
 /// minutes, in which laws are built in f64.
-pub const FEW: [Film; 4] = [FILMS[1], FILMS[6], FILMS[9], Film { step_s: SLOW_S, ..FILMS[8] }];
+pub const FEW: [Film; 5] =
+    [FILMS[1], FILMS[6], FILMS[9], Film { step_s: SLOW_S, ..FILMS[8] }, Film { step_s: SLOW_S, ..FILMS[11] }];
 
-/// The same for a chip with an FPU, which has room for a tick beside a spring.
-pub const FEW_WITH_FPU: [Film; 5] = [FEW[0], FEW[1], FEW[2], FEW[3], FILMS[7]];
+/// The same for a chip with an FPU, which has room for a tick with a spring.
+pub const FEW_WITH_FPU: [Film; 7] = [FEW[0], FEW[1], FEW[2], FEW[3], FEW[4], FILMS[7], FILMS[10]];
 
-/// All films for a chip of 16 KiB, which cannot build a tick beside a spring: slow ones have none here.
-pub const SMALL: [Film; 9] = [FILMS[0], FILMS[1], FILMS[2], FILMS[3], FILMS[4], FILMS[5], FILMS[6], FILMS[9], FEW[3]];
+/// All films for a chip of 16 KiB, which cannot build a tick with a spring: slow ones have none here.
+pub const SMALL: [Film; 10] =
+    [FILMS[0], FILMS[1], FILMS[2], FILMS[3], FILMS[4], FILMS[5], FILMS[6], FILMS[9], FEW[3], FEW[4]];
 
 /// Step of a controller without an FPU, s.
 const SLOW_S: f64 = 1e-2;
 
 impl Film {
     const fn from_preset(preset: &'static str, topology: Topology) -> Self {
-        Self { preset, topology, method: Discretisation::Gl, step_s: 1e-3, curved: false, spring: false }
+        Self { preset, topology, method: Discretisation::Gl, step_s: 1e-3, curves: Curves::None }
+    }
+
+    const fn with_curves(curves: Curves, method: Discretisation) -> Self {
+        Self { curves, method, ..Self::from_preset("table3-n2", Topology::Eq11) }
     }
 
     #[inline(never)]
@@ -82,10 +101,9 @@ impl Film {
         model.with_topology(self.topology)
     }
 
-    /// The default law of `model` at its step, behind the curve where there is one.
+    /// The default law of `model` at its step, with its curves.
     fn law(self, model: &Maxwell) -> Law<f32> {
-        let law = self.straight_law(model);
-        if self.curved { bent(law, self.spring) } else { law }
+        self.bent(self.straight_law(model))
     }
 
     // Built and bent one after the other, each with a stack of its own: the small chip has 16 KiB for all.
@@ -96,16 +114,35 @@ impl Film {
         law
     }
 
-    fn actuator(self) -> Actuator {
-        if self.curved { SATURATING } else { Actuator::KARNER_2022 }
+    /// `law` with the curves of this film.
+    ///
+    /// # Panics
+    ///
+    /// If it is refused.
+    #[inline(never)]
+    #[must_use]
+    pub fn bent(self, law: Law<f32>) -> Law<f32> {
+        let bent = match self.curves {
+            Curves::None => Ok(law),
+            Curves::Before => law.behind(&curve()),
+            Curves::Beside => law.beside(&spring(), &measure()),
+            Curves::Series => law.in_series(&spring()),
+        };
+        let Ok(law) = bent else { panic!("the law with curves is refused") };
+        law
     }
-}
 
-#[inline(never)]
-fn bent(law: Law<f32>, has_spring: bool) -> Law<f32> {
-    let bent = if has_spring { law.beside(&spring(), &measure()) } else { law.behind(&curve()) };
-    let Ok(law) = bent else { panic!("the law behind the curve is refused") };
-    law
+    /// The actuator of this film.
+    #[must_use]
+    pub fn actuator(self) -> Actuator {
+        if self.is_curved() { SATURATING } else { Actuator::KARNER_2022 }
+    }
+
+    /// Whether its law has curves.
+    #[must_use]
+    pub fn is_curved(self) -> bool {
+        self.curves != Curves::None
+    }
 }
 
 /// A strain measure of 8 pieces over the stroke of the curve: of a film that is short, so that it bends.
@@ -163,10 +200,11 @@ pub struct Name {
 impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { film, size, what } = self;
-        let curve = match (film.curved, film.spring) {
-            (true, true) => "+curves",
-            (true, false) => "+curve",
-            (false, _) => "",
+        let curves = match film.curves {
+            Curves::None => "",
+            Curves::Before => "+curve",
+            Curves::Beside => "+curves",
+            Curves::Series => "+series",
         };
         let method = if film.method == Discretisation::Bdf2 { "/bdf2" } else { "" };
         let topology = match film.topology {
@@ -174,7 +212,7 @@ impl fmt::Display for Name {
             Topology::Parallel => "parallel",
         };
         let rate = if film.step_s == SLOW_S { "/100hz" } else { "" };
-        write!(f, "{what}/{size}{curve}/{}/{topology}{method}{rate}", film.preset)
+        write!(f, "{what}/{size}{curves}/{}/{topology}{method}{rate}", film.preset)
     }
 }
 
@@ -206,13 +244,13 @@ pub fn run(report: &mut impl Report, films: &[Film]) {
         let model = film.model();
         let name = |what| Name { film, size: "12+36", what };
 
-        if film.curved || film.method != Discretisation::Gl {
+        if film.is_curved() || film.method != Discretisation::Gl {
             default_law(report, name, &model);
         } else {
             laws(report, film, &model);
         }
         if film.step_s == SLOW_S {
-            if !film.curved {
+            if !film.is_curved() {
                 lean_law(report, |what| Name { film, size: "8+18", what }, &model);
             }
             continue;

@@ -80,6 +80,10 @@ fn main() -> ! {
     let film = || (two.clone(), two.state());
     kernel!(creep_12_36_curves, |law: Law<f32>, film: LawState<f32>| law.displacement(film, black_box(8.0)), film());
     kernel!(relaxation_12_36_curves, |law: Law<f32>, film: LawState<f32>| law.force(film, black_box(8e-5)), film());
+    let series: Law<f32> = built(Law::from_coefficients(&series_law(), STEP_S, MASS_KG));
+    let film = || (series.clone(), series.state());
+    kernel!(creep_12_36_series, |law: Law<f32>, film: LawState<f32>| law.displacement(film, black_box(7.0)), film());
+    kernel!(relaxation_12_36_series, |law: Law<f32>, film: LawState<f32>| law.force(film, black_box(7e-5)), film());
     let film = || (lean.clone(), lean.state());
     kernel!(creep_8_18, |law: LeanLaw, film: LeanState| law.displacement(film, black_box(10.0)), film());
     kernel!(relaxation_8_18, |law: LeanLaw, film: LeanState| law.force(film, black_box(1e-4)), film());
@@ -136,6 +140,12 @@ fn main() -> ! {
     kernel!(
         tick_curves,
         |command: DacCode, controller: Controller| black_box(tick::tick(controller, black_box(*command))),
+        (DacCode::ZERO, controller)
+    );
+    let controller = tick::running(&series_law(), chip_program::SATURATING);
+    kernel!(
+        tick_series,
+        |command: DacCode, controller: Controller| tick::tick(controller, black_box(black_box(*command))),
         (DacCode::ZERO, controller)
     );
     process::exit(0)

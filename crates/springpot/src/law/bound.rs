@@ -101,7 +101,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     pub fn compression_bound(&self, model: &Maxwell, horizon_s: f64) -> CompressionBound {
         let bound = if horizon_s.is_finite() { self.straight_bound(model, horizon_s) } else { [f64::INFINITY; 4] };
         let bound = CompressionBound::rounded(bound, horizon_s);
-        if self.rounded_series().is_some() {
+        if self.is_in_series() {
             // Under a given force the memory is stretched as it is alone, and the spring in series does not change.
             let moved = if self.mass_per_step2 > 0.0 { f32::INFINITY } else { 1.0 };
             let [displacement_per_increment, displacement_per_stroke] =

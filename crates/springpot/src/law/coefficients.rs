@@ -5,8 +5,8 @@ use heapless::Vec;
 use crate::curve::{Curve, Knot, MAX_SPRING_KNOTS, Spring};
 use crate::error::LawError;
 use crate::kernel::Discretisation;
-use crate::law::Law;
 use crate::law::compressed::{Compressed, Decay, INERTIA};
+use crate::law::{Law, Memory};
 use crate::scalar::Scalar;
 
 /// The numbers of a [`Law`] with a [`Compressed`] memory, apart from its step and the mass.
@@ -117,18 +117,43 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         let memory = Compressed { head, fast: fast.map(decay), slow: slow.map(decay), tail_error, massless };
         // In place: a law takes a good part of a small controller's stack.
         let mut law = Self::from_massless(step_s, instant, mass_kg, memory, method)?;
-        let (curve, spring) = curve.split_at(curve_len(curve));
-        if coefficients.has_spring_in_series() {
-            law.add_series(&Spring::from_rounded(spring)?)?;
-            return Ok(law);
-        }
-        if !curve.is_empty() {
-            law.bend(&Curve::from_rounded(curve)?)?;
-        }
-        if !spring.is_empty() {
-            law.add_spring(&Spring::from_rounded(spring)?)?;
-        }
+        law.add_curves(curve)?;
         Ok(law)
+    }
+}
+
+impl<T: Scalar, M: Memory<T>> Law<T, M> {
+    /// Adds the curves of [`Coefficients::curve`].
+    fn add_curves(&mut self, knots: &[Knot<T>]) -> Result<(), LawError> {
+        let (curve, spring) = knots.split_at(curve_len(knots));
+        match (curve, spring) {
+            ([], _) => Ok(()),
+            ([straight], [_, ..]) if straight.wide() == Knot::straight() => self.add_rounded(spring, Self::add_series),
+            (_, []) => self.add_curve(curve),
+            (_, _) => self.add_curve(curve).and_then(|()| self.add_rounded(spring, Self::add_spring)),
+        }
+    }
+
+    /// Not inlined, here and below: knots in f64 would stay on the stack of a small chip.
+    #[inline(never)]
+    fn add_curve(&mut self, knots: &[Knot<T>]) -> Result<(), LawError> {
+        // By reference: `?` would copy it.
+        match &Curve::from_rounded(knots) {
+            Ok(curve) => self.bend(curve),
+            Err(error) => Err((*error).into()),
+        }
+    }
+
+    #[inline(never)]
+    fn add_rounded(
+        &mut self,
+        knots: &[Knot<T>],
+        add: impl Fn(&mut Self, &Spring) -> Result<(), LawError>,
+    ) -> Result<(), LawError> {
+        match &Spring::from_rounded(knots) {
+            Ok(spring) => add(self, spring),
+            Err(error) => Err((*error).into()),
+        }
     }
 }
 

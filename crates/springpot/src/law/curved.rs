@@ -42,7 +42,7 @@ pub(crate) struct Remembered<T> {
 }
 
 /// The curves of a law.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub(crate) enum Shape<T> {
     /// A curve before spring and memory.
     Before(Table<T>),
@@ -50,6 +50,18 @@ pub(crate) enum Shape<T> {
     Beside(Beside<T>),
     /// A spring in series with the memory.
     Series(Series<T>),
+}
+
+impl<T: Clone> Clone for Shape<T> {
+    // Not inlined: copies of each would stay on the stack of a small chip.
+    #[inline(never)]
+    fn clone(&self) -> Self {
+        match self {
+            Self::Before(table) => Self::Before(table.clone()),
+            Self::Beside(beside) => Self::Beside(beside.clone()),
+            Self::Series(series) => Self::Series(series.clone()),
+        }
+    }
 }
 
 /// The place of a film on the curve of its law.

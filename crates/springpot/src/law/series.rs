@@ -82,6 +82,11 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         Ok(())
     }
 
+    /// Whether a spring is in series with the memory.
+    pub(super) fn is_in_series(&self) -> bool {
+        matches!(self.bent(), Some((_, Shape::Series(_))))
+    }
+
     /// The spring in series, as the number type holds it.
     pub(crate) fn rounded_series(&self) -> Option<Spring> {
         match self.bent()?.1 {

@@ -56,7 +56,7 @@ struct Law {
 
 /// The text of `NAME.json`: `parameters` at `rate_hz`, whose C file holds `tracking`.
 pub(super) fn json(parameters: &Parameters, rate_hz: f64, tracking: &Tracking<f32>) -> Result<String> {
-    let Parameters { name, actuator, model, curve, sensor_offset_m, .. } = parameters;
+    let Parameters { name, actuator, model, curve, spring, sensor_offset_m, .. } = parameters;
     let pair = |element: &Springpot| [element.c, element.alpha];
     let description = Description {
         format: "springpot-film",
@@ -78,7 +78,7 @@ pub(super) fn json(parameters: &Parameters, rate_hz: f64, tracking: &Tracking<f3
             topology: model.topology(),
             main: pair(&model.main()),
             branches: model.branches().iter().flatten().map(pair).collect(),
-            has_curve: curve.is_some(),
+            has_curve: curve.is_some() || spring.is_some(),
         },
         sensor: Sensor { offset_m: *sensor_offset_m },
         law: Law { rate_hz, stiffness_n_per_m: tracking.observer().law().stiffness().into() },

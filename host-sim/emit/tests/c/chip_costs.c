@@ -49,9 +49,10 @@ static void print(const char *kind, const char *what, uint32_t film, uint64_t va
         line[at] = ' ';
         at++;
     }
-    line[at] = (char)('0' + (char)film);
-    line[at + 1U] = ' ';
-    at += 2U;
+    line[at] = (char)('0' + (char)(film / 10U));
+    line[at + 1U] = (char)('0' + (char)(film % 10U));
+    line[at + 2U] = ' ';
+    at += 3U;
     for (digit = 0U; digit < 16U; digit++) {
         line[at] = "0123456789abcdef"[(value >> (60U - (4U * digit))) & 0xfU];
         at++;

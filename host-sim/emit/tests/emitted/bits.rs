@@ -149,10 +149,10 @@ pub struct Shown {
 /// Three recordings of 155 s, forwards, backwards and under each law of control: the bits of every step.
 #[test]
 fn three_recordings_have_the_bits_of_rust() {
-    let cases = [films::plain(), films::rich(), films::periodic(), films::richest()];
+    let cases = [films::plain(), films::rich(), films::periodic(), films::richest(), films::in_series()];
     let sources = Sources::new(&cases);
     let program = sources.compile("gcc", &[STRICT.as_slice(), &["-O2"]].concat(), &["host.c"]);
-    let (mut limits, mut learned, mut aged) = (0, [0; 4], [0; 4]);
+    let (mut limits, mut learned, mut aged) = (0, [0; 5], [0; 5]);
     let (mut faults, mut sensed) = (0, 0);
     for path in recordings("hossain") {
         let recorded = recorded(&path, 155);
@@ -167,7 +167,7 @@ fn three_recordings_have_the_bits_of_rust() {
     }
     assert_eq!(limits, 0xff, "all limits were met somewhere");
     assert!(faults == 0b11111 && sensed > 10_000, "faults {faults:b}, {sensed} samples");
-    let [plain, found, given, _] = learned;
+    let [plain, found, given, ..] = learned;
     assert!(plain == 0 && found > 20_000 && given > 20_000, "ticks with something learned: {learned:?}");
     assert!(aged.iter().all(|&ticks| ticks > 100_000), "ticks with a law that has followed its film: {aged:?}");
 }

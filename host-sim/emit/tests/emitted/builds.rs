@@ -10,9 +10,9 @@ use crate::films::{self, Case};
 use crate::program::{STRICT, Sources};
 use crate::recordings::recordings;
 
-/// The compiled program: two films that have everything between them, in one program.
-fn cases() -> [Case; 2] {
-    [films::plain(), films::rich()]
+/// The compiled program: films that have everything between them, in one program.
+fn cases() -> [Case; 3] {
+    [films::plain(), films::rich(), films::in_series()]
 }
 
 /// Builds with `compiler` and `options` and compares 10 s of every kind; the program runs with `environment`.

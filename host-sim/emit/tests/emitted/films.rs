@@ -45,7 +45,7 @@ impl Case {
         Some(Self { name: name.into(), law, feedforward, tracking, learning, sensed })
     }
 
-    /// The published model by these options, behind `curve` or beside a spring of its shape.
+    /// The published model by these options, behind `curve`, or beside or in series with a spring of its shape.
     fn published(name: &str, options: LawOptions, curves: Curves, setup: &Setup) -> Self {
         let law = Law::compressed(&Preset::TABLE3_N2.model().expect("valid"), options).expect("valid");
         let law = match curves {
@@ -55,6 +55,7 @@ impl Case {
                 let measure = Measure { exponent: 0.0, length_m: 0.01 }.curve(-0.8e-3, 2.4e-3).expect("rises");
                 law.beside(&Spring::of_curve(&curve(), 3e3).expect("valid"), &measure).expect("curves")
             }
+            Curves::Series => law.in_series(&Spring::of_curve(&curve(), 3e4).expect("valid")).expect("it rises"),
         };
         Self::new(name, law, setup, Some(Sensed::random(33))).expect("accepted")
     }
@@ -96,6 +97,7 @@ enum Curves {
     None,
     One,
     Two,
+    Series,
 }
 
 struct Setup {
@@ -132,6 +134,11 @@ pub fn richest() -> Case {
     rich_with(Curves::Two)
 }
 
+/// The same with a spring in series.
+pub fn in_series() -> Case {
+    rich_with(Curves::Series)
+}
+
 fn rich_with(curves: Curves) -> Case {
     let preload = Preload::FromStart;
     let actuator = Actuator { stretch_coupling: 20.0, saturation_v: Some(9000.0), preload, ..Actuator::KARNER_2022 };
@@ -163,22 +170,13 @@ pub fn of_program(film: chip_program::Film) -> Case {
     let model = Preset::named(film.preset).expect("a preset").model().expect("valid").with_topology(film.topology);
     let options = LawOptions::at_step(film.step_s).with_method(film.method);
     let law: Law<f32> = Law::compressed(&model, options).expect("valid");
-    let (law, actuator) = if film.curved {
-        let law = if film.spring {
-            law.beside(&chip_program::spring(), &chip_program::measure())
-        } else {
-            law.behind(&chip_program::curve())
-        };
-        (law.expect("valid"), chip_program::SATURATING)
-    } else {
-        (law, Actuator::KARNER_2022)
-    };
     let learning = LearningOptions { period_s: Some(0.05), sample_interval_s: 1e-3, ..LearningOptions::BENCH };
-    let setup = Setup { actuator, learning: (!film.curved).then_some(learning), ..BENCH };
+    let learning = (!film.is_curved()).then_some(learning);
+    let setup = Setup { actuator: film.actuator(), learning, ..BENCH };
     // As in the chip program.
     let sensed =
         (film == chip_program::FILMS[1]).then(|| Sensed::new(chip_program::relation(), SelfSensingOptions::BENCH));
-    Case::new(film.preset, law, &setup, sensed).expect("accepted")
+    Case::new(film.preset, film.bent(law), &setup, sensed).expect("accepted")
 }
 
 /// 16 pieces from −0.8 mm to 2.4 mm, softer by a tenth, then stiffer.
@@ -192,18 +190,17 @@ fn curve() -> Curve {
     Curve::through(&points).expect("it rises")
 }
 
-/// `count` films of random models, every second behind a random curve, of those every second beside a spring, every third second-order.
+/// `count` films of random models: of eight two behind a random curve, one beside a spring and one in series with it; every third second-order.
 pub fn random(count: usize) -> Vec<Case> {
     let models = crate::models::random_models(16, 2 * count);
     let cases = models.iter().enumerate().filter_map(|(k, (name, model))| {
         let method = if k % 3 == 2 { Discretisation::Bdf2 } else { Discretisation::Gl };
         let law: Law<f32> = Law::compressed(model, LawOptions::at_step(1e-3).with_method(method)).ok()?;
-        let law = match k % 4 {
-            1 => law.behind(&random_curve(k)).ok()?,
-            3 => {
-                let spring = Spring::of_curve(&random_curve(k + 1), 3e3 * k as f64).ok()?;
-                law.beside(&spring, &random_curve(k % 7)).ok()?
-            }
+        let spring = || Spring::of_curve(&random_curve(k + 1), 3e3 * k as f64).ok();
+        let law = match k % 8 {
+            1 | 5 => law.behind(&random_curve(k)).ok()?,
+            3 => law.beside(&spring()?, &random_curve(k % 7)).ok()?,
+            7 => law.in_series(&spring()?).ok()?,
             _ => law,
         };
         let amplifier = if k % 5 == 4 { AmplifierLag { rise_s: 0.05, fall_s: 0.05 } } else { AmplifierLag::NONE };
@@ -217,6 +214,8 @@ pub fn random(count: usize) -> Vec<Case> {
     });
     let cases: Vec<Case> = cases.take(count).collect();
     assert_eq!(cases.len(), count, "too few of the random models have a law and an observer");
+    let in_series = cases.iter().filter(|case| case.law.coefficients().has_spring_in_series()).count();
+    assert!(in_series > count / 16, "{in_series} of {count} have a spring in series");
     cases
 }
 

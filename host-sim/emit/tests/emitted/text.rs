@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::Numbers;
 
-use crate::films::{plain, rich, richest};
+use crate::films::{in_series, plain, rich, richest};
 
 /// The bits of all numbers, sorted.
 #[derive(Default)]
@@ -26,7 +26,7 @@ impl Numbers<f32> for Listed {
 /// The text has each number of the laws, with its bits when read back, and no other.
 #[test]
 fn every_number_is_written_to_its_last_bit() {
-    for case in [plain(), rich(), richest()] {
+    for case in [plain(), rich(), richest(), in_series()] {
         let mut listed = Listed::default();
         case.tracking.numbers(&mut listed);
         case.tracking.numbers_of_changes(&mut listed);
@@ -69,7 +69,7 @@ fn a_film_without_self_sensing_has_nothing_of_it() {
 #[test]
 fn the_structures_of_the_header_are_those_of_rust() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/c/2-film.h");
-    let declared = declarations(&richest().film("film_x"));
+    let declared = declarations(&richest().film("film_x"), &in_series().film("film_x"));
     if std::env::var_os("SPRINGPOT_WRITE").is_some() {
         std::fs::write(path, &declared).expect("written");
         return;
