@@ -208,15 +208,12 @@ impl<M: ControllerMemory> Controller<M> {
         }
     }
 
-    /// The same controller of the film that `before` has driven: what is left of its creep counts for the stroke, until a plausible sensor
-    /// shows it at 0 V.
+    /// Goes on with the film that `before` has driven: what is left of its creep counts for the stroke, until a plausible sensor shows it at 0 V.
     #[cfg(feature = "link")]
-    #[must_use]
-    pub(crate) fn after(mut self, before: &Self) -> Self {
+    pub(crate) fn take_film_of(&mut self, before: &Self) {
         let left_m = before.motion.furthest(before.open_loop.position());
         self.motion = self.motion.offset_by(left_m);
         (self.open_loop, self.is_history_assumed) = (self.watched.state(), false);
-        self
     }
 
     /// The supervisor, to read its state.

@@ -159,16 +159,14 @@ impl<M: ControllerMemory> Device<M> {
         if let DriverState::Tripped(cause) = self.state() {
             controller.trip(cause);
         }
-        self.controller = Some(match &self.controller {
-            Some(before) => controller.after(before),
-            None => controller,
-        });
-        if let Some(controller) = &mut self.controller {
-            if self.since_test.is_some() {
-                controller.note_self_test();
-            }
-            controller.seal();
+        if let Some(before) = &self.controller {
+            controller.take_film_of(before);
         }
+        if self.since_test.is_some() {
+            controller.note_self_test();
+        }
+        // Moved once: a copy is several kilobytes of a chip's stack. Sealed where it stays.
+        self.controller.insert(controller).seal();
         #[cfg(feature = "loop-test")]
         {
             self.test = None;

@@ -82,7 +82,7 @@ pub(crate) struct Bend<T> {
     /// With a spring: the memory's force at the next step if the increment stays, and the force of the increments before it in the inertia, N.
     pub(crate) memory: T,
     pub(crate) inertia: T,
-    /// What a spring in series is stretched by, m, and its rounding error (Kahan). `ahead` and `predicted` are then of the spring and of the memory.
+    /// Stretch of a spring in series, m, and its rounding error (Kahan). `ahead` and `predicted` are then of the spring and of the memory.
     pub(crate) elongation: T,
     pub(crate) elongation_surplus: T,
 }
@@ -104,7 +104,7 @@ impl<T: Scalar> Bend<T> {
         }
     }
 
-    /// What a spring in series is stretched by after an `increment` (m), and its rounding error.
+    /// Stretch of a spring in series after an `increment` (m), and its rounding error.
     #[inline]
     pub(super) fn elongated(&self, increment: T) -> (T, T) {
         let addend = increment - self.elongation_surplus;
@@ -294,7 +294,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                 stiffness: state.bend.stiffness,
                 steepness: state.bend.slope,
             },
-            Some((curved, Shape::Series(series))) => series.remembered(curved, state),
+            Some((curved, Shape::Series(_))) => Series::remembered(curved, state),
         }
     }
 

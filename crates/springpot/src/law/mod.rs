@@ -431,7 +431,7 @@ impl<T: Scalar, M: Memory<T>> LawState<T, M> {
         self.bend.slope
     }
 
-    /// What a spring in series with the memory is stretched by, m; 0 without one.
+    /// Stretch of a spring in series with the memory, m; 0 without one.
     #[must_use]
     pub fn elongation(&self) -> T {
         self.bend.elongation

@@ -131,7 +131,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 }
 
 impl<T: Scalar> Series<T> {
-    /// The knot of a straight curve, which is none, and those of the spring.
+    /// The knot of a straight curve, and those of the spring.
     pub(super) fn knots(&self) -> impl Iterator<Item = Knot<T>> + '_ {
         core::iter::once(Knot::straight()).chain(self.spring.knots())
     }
@@ -241,7 +241,7 @@ impl<T: Scalar> Series<T> {
 
     /// Where the memory of a film in `state` goes on to.
     #[inline]
-    pub(super) fn remembered<M: Memory<T>>(&self, curved: &Curved<T>, state: &LawState<T, M>) -> Remembered<T> {
+    pub(super) fn remembered<M: Memory<T>>(curved: &Curved<T>, state: &LawState<T, M>) -> Remembered<T> {
         let (bend, slope) = (&state.bend, state.bend.ahead.slope);
         let share = slope / (curved.instant + slope);
         Remembered {

@@ -41,7 +41,7 @@ fn a_spring_in_series_is_read_as_it_was_written() {
     let law: Law<f32> = parameters.film().compressed_law(1000.0).expect("a law");
     assert!(law.coefficients().has_spring_in_series());
 
-    // A stiffness alone, and the curve that is none.
+    // A stiffness alone, and a curve that is straight.
     let (memory, points) = FILE.split_once("displacement_m").expect("points");
     assert!(points.contains("force_n"));
     let linear = parsed(&format!("{memory}stiffness_n_per_m = 9000.0\n")).expect("valid");
