@@ -9,6 +9,7 @@ mod curved;
 mod response;
 mod saved;
 mod series;
+mod series_steps;
 mod spring_steps;
 mod state_traits;
 mod warm_start;
