@@ -294,7 +294,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                 stiffness: state.bend.stiffness,
                 steepness: state.bend.slope,
             },
-            Some((curved, Shape::Series(series))) => series.remembered(curved, state),
+            Some((curved, Shape::Series(_))) => Series::remembered(curved, state),
         }
     }
 

@@ -238,7 +238,7 @@ impl<T: Scalar> Series<T> {
 
     /// Where the memory of a film in `state` goes on to.
     #[inline]
-    pub(super) fn remembered<M: Memory<T>>(&self, curved: &Curved<T>, state: &LawState<T, M>) -> Remembered<T> {
+    pub(super) fn remembered<M: Memory<T>>(curved: &Curved<T>, state: &LawState<T, M>) -> Remembered<T> {
         let (bend, slope) = (&state.bend, state.bend.ahead.slope);
         let share = slope / (curved.instant + slope);
         Remembered {
