@@ -197,7 +197,8 @@ fn a_random_fit_states_its_agreement_or_is_refused() {
     let cases = if full_sweep() { 10_000 } else { 12 };
     let mut fits = 0;
     let mut faults = Vec::new();
-    for seed in 0..cases {
+    // Of the last one nothing that changes is left in a thinned recording.
+    for seed in (0..cases).chain([1610]) {
         if seed % 250 == 0 && seed > 0 {
             println!("{seed} cases, {fits} fits, {faults:?}");
         }
@@ -218,23 +219,4 @@ fn a_random_fit_states_its_agreement_or_is_refused() {
     println!("{fits} of {cases} random cases have a fit, {} of them are wrong", faults.len());
     assert!(faults.is_empty(), "{faults:#?}");
     assert!(4 * fits > cases, "{fits} of {cases}");
-}
-
-#[test]
-#[ignore = "explore"]
-fn explore_1610() {
-    let mut random = Pcg64::seed_from_u64(1610);
-    let recordings = recordings(&mut random);
-    let options = options(&mut random, recordings.len());
-    let settings = options.settings(None, Some((Actuator::KARNER_2022, false))).unwrap();
-    let recordings: Vec<&Recording> = recordings.iter().collect();
-    let observed = options.observations(&recordings).unwrap();
-    for (o, _) in &observed {
-        println!("{:?} {:?}", o.measured.time_s.len(), host_models::fit::observation::thinned(o).measured.value);
-        println!("{:?}", o.measured.value);
-    }
-    let observations: Vec<_> = observed.into_iter().map(|(observation, _)| observation).collect();
-    let fit = fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| ());
-    println!("{:?}", fit.map(|fit| (fit.agreements, fit.candidate)));
-    println!("{options:?}");
 }

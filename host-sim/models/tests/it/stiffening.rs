@@ -169,41 +169,6 @@ fn median(values: &mut [f64]) -> f64 {
     values[values.len() / 2]
 }
 
-#[test]
-#[ignore = "explore"]
-fn explore() {
-    let films: Vec<(u64, Case)> =
-        std::iter::once((1, Case::much_creep())).chain((0..42).map(|seed| (seed, random(seed)))).collect();
-    for (seed, case) in films {
-        let begin = std::time::Instant::now();
-        let fit = fitted(&case.recordings(seed));
-        let (selected, best) = errors_pct(&case, &fit);
-        let chosen = fit.structures.iter().find(|row| row.chosen);
-        let name = chosen
-            .map_or_else(String::new, |row| format!("{:?} n = {} {}", row.topology, row.branches, row.nonlinearity()));
-        println!(
-            "== {seed} {selected:.3} of {best:.3}, {name}, {} evaluations, {:.1} s, misfit {:.3}, left out {:.3}",
-            fit.evaluations,
-            begin.elapsed().as_secs_f64(),
-            1e6 * fit.recorded.misfit_m,
-            1e6 * fit.recorded.left_out_m
-        );
-        if selected > 0.3 {
-            println!("{:?} {} {}\n{}", case.film, case.noise_m, case.sines[1].0 / case.sines[0].0, table(&fit));
-        }
-        let settings = Settings { actuator: FILM, ..Settings::default() };
-        let parameters = fit.parameters(&settings, Direction::Force, &[]).expect("parameters");
-        for (wanted, range_m, [_, high]) in references(&parameters, &fit.recorded, seed) {
-            let error_pct = 100.0 * feedforward_error_m(&case, &parameters, &wanted) / range_m;
-            println!(
-                "ratio {:.3} error {error_pct:.3} high {high:.3} range {:.0} um",
-                2.85 * error_pct / high,
-                1e6 * range_m
-            );
-        }
-    }
-}
-
 /// A linear structure was selected of this film once, because the left-out error of the bent one was missing.
 #[test]
 fn the_film_with_much_creep() {
@@ -211,8 +176,8 @@ fn the_film_with_much_creep() {
     let fit = fitted(&case.recordings(1));
     let (selected, best) = errors_pct(&case, &fit);
     println!("{selected:.3} % of {best:.3} %, {} evaluations\n{}{:#?}", fit.evaluations, table(&fit), fit.warnings);
-    assert!(selected <= 1.3 * best && selected < 0.5, "{selected} of {best}");
-    assert!(fit.candidate.actuator.saturation_v.is_some());
+    assert!(selected <= 1.3 * best && selected < 0.1, "{selected} of {best}");
+    assert!(fit.candidate.is_in_series(), "its own structure");
     assert!(fit.structures.iter().all(|row| row.left_out_nrmse_pct.is_some()), "every structure is compared");
 }
 
@@ -223,7 +188,7 @@ fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
     let cases = if full_sweep() { 200 } else { 2 };
     let mut worse = Vec::new();
     let (mut widths, mut measured, mut missed) = (Vec::new(), Vec::new(), Vec::new());
-    // Films that were not seen when the interval was calibrated, on the first 42; its upper end is 5 % lower since.
+    // Films that were not seen when the interval was calibrated, on the first 42.
     for seed in 46..46 + cases {
         let case = random(seed);
         let fit = fitted(&case.recordings(seed));
