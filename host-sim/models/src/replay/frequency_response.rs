@@ -27,7 +27,7 @@ pub fn continuous(parameters: &Parameters, frequency_hz: f64, at_m: f64) -> Comp
     .inv()
 }
 
-/// What a `spring` in series with `model` is stretched by (m) where both are at `at_m` (m) within about a second, as a law has it.
+/// Stretch (m) of a `spring` in series with `model` where both are at `at_m` (m) within about a second, as a law has it.
 fn elongation_at(model: &Maxwell, spring: &Spring, at_m: f64) -> f64 {
     let Complex { re, im } = model.modulus(Complex::new(0.0, TAU));
     let memory = re.abs().max(im.abs());

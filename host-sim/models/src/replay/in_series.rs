@@ -18,7 +18,7 @@ pub struct InSeries<'a> {
     pub past_n: f64,
 }
 
-/// What a step adds.
+/// Increments of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Increments {
     /// To the memory's displacement, m.

@@ -105,7 +105,7 @@ pub struct FullMemoryPlant {
     last: f64,
     memory: RunningMemory,
     displacement_m: f64,
-    /// What a spring in series is stretched by, m.
+    /// Stretch of a spring in series, m.
     elongation_m: f64,
 }
 

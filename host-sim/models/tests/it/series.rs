@@ -228,7 +228,7 @@ struct Sum<'a> {
     /// κ of the memory alone, N/m.
     weights: Vec<f64>,
     step_s: f64,
-    /// Of the memory, and of the film, m.
+    /// Displacements of the memory and of the film, m.
     memory: Vec<f64>,
     moved: Vec<f64>,
 }

@@ -27,7 +27,7 @@ struct Shared {
     tangent: Option<Tangent>,
 }
 
-/// What a variable changes: the force, N, and under the same force the displacement, m, of a film with a spring in series.
+/// Change of the force with a variable, N, and under the same force of the displacement, m, of a film with a spring in series.
 #[derive(Default)]
 struct Change {
     force: Option<Vec<f64>>,

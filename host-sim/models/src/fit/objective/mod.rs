@@ -147,7 +147,7 @@ pub struct Evaluation {
     curves: Option<Curves>,
     /// Displacements (m), or forces (N), on the grid.
     pub(super) responses: Vec<Vec<f64>>,
-    /// What a spring in series is stretched by (m) on the grid; empty without one.
+    /// Stretch of a spring in series (m) on the grid; empty without one.
     elongations: Vec<Vec<f64>>,
 }
 
@@ -292,7 +292,7 @@ impl Objective {
         };
         let mut elongation = Vec::new();
         let series = match &record.drive {
-            // Along a displacement there is none.
+            // It moves under a load alone.
             DriveSpectra::Displacement { .. } if transfer.in_series.is_some() => return None,
             DriveSpectra::Displacement { path, spectrum } => match curves {
                 None => circle.series(product(spectrum, &transfer.stiffness), record.samples),
