@@ -59,14 +59,10 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     pub fn held(&self, displacement: T, duration_s: f64) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {
         let steps = libm::fmax(libm::round(duration_s / self.step_s()), 1.0);
         let position = displacement.to_f64();
-        let lost_share = |loss: T| -libm::expm1(steps * libm::log1p(-loss.to_f64()));
-        let elongation = self.rounded_series().map_or(0.0, |spring| {
-            let left = self.memory().modes().map(|(loss, weight)| weight.to_f64() * (1.0 - lost_share(loss))).sum();
-            elongation(&spring, left, position)
-        });
+        let elongation = if self.is_in_series() { self.held_elongation(position, steps) } else { 0.0 };
         // Behind a curve what relaxes is T(x).
         let stretch = self.curved.as_ref().map_or(position, |curved| curved.value_and_slope(position).0) - elongation;
-        let lost = |loss: T| lost_share(loss) * stretch;
+        let lost = |loss: T| lost_share(loss, steps) * stretch;
         let mut state = self.state();
         (state.history.left, state.history.left_surplus) = split(stretch);
         for (slot, mode) in state.history.fast.iter_mut().zip(&self.memory().fast) {
@@ -82,6 +78,20 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         (state.position, state.position_surplus) = split(position);
         (state.bend.elongation, state.bend.elongation_surplus) = split(elongation);
         self.placed_after(state, T::ZERO)
+    }
+
+    /// Stretch (m) of the spring in series with a memory that has been held for so many `steps`, both at `position` (m). Not inlined: its knots in f64 would
+    /// stay on the stack of a film without it.
+    #[inline(never)]
+    fn held_elongation(&self, position: f64, steps: f64) -> f64 {
+        let left = self.memory().modes().map(|(loss, weight)| weight.to_f64() * (1.0 - lost_share(loss, steps))).sum();
+        self.rounded_series().map_or(0.0, |spring| elongation(&spring, left, position))
+    }
+
+    /// Stretch (m) of the spring in series under `force` (N), likewise.
+    #[inline(never)]
+    fn crept_elongation(&self, force: f64) -> f64 {
+        self.rounded_series().map_or(0.0, |spring| spring.displacement(force))
     }
 
     fn state_after(&self, creep: &Creep<HEAD>) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {
@@ -103,12 +113,17 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         let curve = creep.curve.as_ref();
         let stretched = curve.map_or(creep.position, |curve| curve.inverse(creep.position));
         let slope = curve.map_or(1.0, |curve| curve.slope(stretched));
-        let elongation = self.rounded_series().map_or(0.0, |spring| spring.displacement(creep.force));
+        let elongation = self.crept_elongation(creep.force);
         (state.bend.elongation, state.bend.elongation_surplus) = split(elongation);
         (state.position, state.position_surplus) = split(stretched + elongation);
         state.increment = T::from_f64(creep.increments[0] / slope);
         self.placed_after(state, head[0])
     }
+}
+
+/// Share of a mode that has relaxed after so many `steps`.
+fn lost_share<T: Scalar>(loss: T, steps: f64) -> f64 {
+    -libm::expm1(steps * libm::log1p(-loss.to_f64()))
 }
 
 /// The nearest number of type T, and its rounding error.
