@@ -204,7 +204,7 @@ BASELINES: dict[str, Callable[[list[Recording]], Fitted]] = {
 }
 
 
-LAW_BYTES = 808 + 416
+LAW_BYTES = 808 + 424
 """A law and its state in f32, as docs/results.md has them."""
 
 
@@ -243,7 +243,8 @@ class Tool:
 
         curve = report["film"]["curve"]
         structure = f"{report['topology']} n = {report['branches']}, {curve}"
-        kind = "" if curve == "linear" else "+curves" if curve.startswith("two curves") else "+curve"
+        kinds = {"linear": "", "two curves": "+curves", "spring in series": "+series"}
+        kind = next((kind for name, kind in kinds.items() if curve.startswith(name)), "+curve")
         cost = f"{HEAD + 2 * MODES} ({instructions(drive, kind)} instructions)"
         return Fitted(predict, len(report["uncertainty"]["estimates"]), cost, LAW_BYTES // 4, structure)
 

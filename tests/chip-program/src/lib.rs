@@ -44,7 +44,7 @@ pub struct Film {
 /// Curves of a law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Curves {
-    /// There is none.
+    /// Linear film.
     None,
     /// An elastic curve of as many pieces as there may be before the memory.
     Before,

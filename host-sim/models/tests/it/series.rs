@@ -271,7 +271,7 @@ impl<'a> Sum<'a> {
 }
 
 /// Full memory under loads and along a path, and the plant, against that sum: with mass and without it, under a force that jumps, with springs
-/// that stiffen and that give way.
+/// that stiffen and that soften.
 #[test]
 fn full_memory_is_the_sum_over_the_past() {
     // Much softer from 0.2 mm on.
