@@ -350,7 +350,7 @@ impl Variable {
         let most = MAX_THINNING / candidate.actuator.length_m;
         let high = match (!candidate.is_straight(), candidate.actuator.saturation_v.is_some()) {
             (false, false) => high,
-            (true, true) => MAX_GROWTH / candidate.actuator.length_m,
+            (true, true) if !candidate.is_in_series() => MAX_GROWTH / candidate.actuator.length_m,
             _ => most,
         };
         (-most, high)

@@ -190,7 +190,10 @@ impl Search<'_> {
                         let scale = context.variables_of(&starts[0]).contains(&Variable::Permittivity);
                         starts.extend(relaxing(&film.candidate, pieces, reach.range_m, context.scales, scale));
                     }
-                    (Kind::Series, Some(film)) => starts.extend(creeping(&film.candidate, reach, context.scales)),
+                    (Kind::Series { .. }, Some(_)) => {
+                        let series = starts[0].clone();
+                        starts.extend(creeping(&series, context.scales));
+                    }
                     _ => {}
                 }
                 starts.extend(smaller.iter().flat_map(|fit| grown(&fit.candidate, topology, context.scales)));

@@ -146,7 +146,9 @@ pub(super) enum Kind {
         pieces: usize,
     },
     /// A spring in series with the memory.
-    Series,
+    Series {
+        saturates: bool,
+    },
 }
 
 impl Kind {
@@ -155,7 +157,8 @@ impl Kind {
         let volts = observations.iter().any(|o| matches!(o.input, Input::Voltage(_)));
         let two = [0, 2].map(|pieces| Self::Beside { pieces }).to_vec();
         let moves = |o: &Observation| !matches!(o.input, Input::Displacement(_));
-        let series = if observations.iter().all(moves) { vec![Self::Series] } else { Vec::new() };
+        let series =
+            |saturates| if observations.iter().all(moves) { vec![Self::Series { saturates }] } else { Vec::new() };
         let free = |saturates| [2, 4].map(|pieces| Self::Free { pieces, saturates }).to_vec();
         let nonlinear = match choice {
             CurveChoice::None => Vec::new(),
@@ -165,9 +168,12 @@ impl Kind {
             CurveChoice::Free => free(false),
             CurveChoice::Both => free(true),
             CurveChoice::Two => two,
-            CurveChoice::Series => series,
-            CurveChoice::Auto if volts => [series, vec![Self::Saturation], free(false), free(true), two].concat(),
-            CurveChoice::Auto => [series, vec![Self::MooneyRivlin, Self::Gent], free(false), two].concat(),
+            CurveChoice::Series if volts => [series(false), series(true)].concat(),
+            CurveChoice::Series => series(false),
+            CurveChoice::Auto if volts => {
+                [series(false), vec![Self::Saturation], series(true), free(false), free(true), two].concat()
+            }
+            CurveChoice::Auto => [series(false), vec![Self::MooneyRivlin, Self::Gent], free(false), two].concat(),
         };
         [vec![Self::Linear], nonlinear].concat()
     }
@@ -183,15 +189,20 @@ impl Kind {
             Self::Free { pieces, saturates: true } => format!("free curve of {pieces} pieces and saturation"),
             Self::Beside { pieces: 0 } => "two curves".into(),
             Self::Beside { pieces } => format!("two curves with a spring of {pieces} pieces"),
-            Self::Series => "spring in series".into(),
+            Self::Series { saturates: false } => "spring in series".into(),
+            Self::Series { saturates: true } => "spring in series and saturation".into(),
         }
     }
 
     /// Whether `candidate` is a film of this kind without some of its nonlinearity.
     pub(super) fn extends(self, candidate: &Candidate) -> bool {
-        let may_saturate = matches!(self, Self::Free { saturates: true, .. } | Self::Beside { .. });
-        let fewer =
-            matches!(self, Self::Beside { pieces: 1.. }) && candidate.spring.as_ref().is_some_and(Elastic::is_linear);
+        let may_saturate =
+            matches!(self, Self::Free { saturates: true, .. } | Self::Series { saturates: true } | Self::Beside { .. });
+        let fewer = match self {
+            Self::Beside { pieces: 1.. } => candidate.spring.as_ref().is_some_and(Elastic::is_linear),
+            Self::Series { saturates: true } => candidate.is_in_series(),
+            _ => false,
+        };
         fewer || candidate.is_straight() && (may_saturate || candidate.actuator.saturation_v.is_none())
     }
 
@@ -231,7 +242,11 @@ impl Kind {
                 };
                 vec![Candidate { bend, spring: Some(spring), ..start }]
             }
-            Self::Series => {
+            Self::Series { saturates } => {
+                start.actuator.saturation_v = start.actuator.saturation_v.or(saturation_v).filter(|_| saturates);
+                if start.is_in_series() {
+                    return vec![start];
+                }
                 let largest_n = start.actuator.electrostatic_force(largest_v).max(reach.largest_n);
                 let stiffness = largest_n / range_m.1.abs().max(range_m.0.abs());
                 // Half and a tenth of the stroke.
@@ -314,15 +329,12 @@ fn elements(branches: usize, scales: Scales, share: f64, longer: f64) -> Vec<Spr
     elements
 }
 
-/// Films like `film` with a spring in series that creep at such times: as much of the stroke is creep.
-pub(super) fn creeping(film: &Candidate, reach: Reach, scales: Scales) -> Vec<Candidate> {
-    let Some(series) = Kind::Series.starts(film, reach).into_iter().next() else { return Vec::new() };
-    let creeping = |longer| Candidate {
-        elements: elements(film.branches(), scales, 1.5, longer),
-        topology: Topology::Parallel,
-        ..series.clone()
-    };
-    [1.0, 5.0].map(creeping).to_vec()
+/// Films like `series`, which has a spring in series, whose memory creeps at such times: as much of the stroke is creep.
+pub(super) fn creeping(series: &Candidate, scales: Scales) -> [Candidate; 2] {
+    [1.0, 5.0].map(|longer| {
+        let elements = elements(series.branches(), scales, 1.5, longer);
+        Candidate { elements, topology: Topology::Parallel, ..series.clone() }
+    })
 }
 
 /// How far recordings reach.
