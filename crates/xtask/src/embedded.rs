@@ -184,7 +184,7 @@ fn within_bars(counted: &BTreeMap<String, u64>) -> Result<()> {
         ("relaxation/8+16", 220),
         ("self-sensing", 150),
         ("tick/12+36", 2000),
-        ("tick/12+36+curve", 2020),
+        ("tick/12+36+curve", 2000),
         ("tick/12+36+curves", 2250),
         ("tick/12+36+series", 2150),
     ];

@@ -259,7 +259,7 @@ static inline float springpot_force_series(
     float last;
 
     /* The spring has what that leaves of the change; the rest along its tangent there. */
-    springpot_on_series(curve, state, (state->increment - state->predicted) + (change - first), &place);
+    springpot_on_series(curve, state, (increment - state->predicted) - first, &place);
     last = springpot_shift(curve, state, &place, first);
     *shift = last;
     return (state->memory + (curve->instant * last)) + (state->inertia + (curve->inertia * change));

@@ -27,13 +27,13 @@ const TICKS_PER_S: f64 = 1000.0;
 
 impl Cost {
     /// A linear film.
-    pub const LINEAR: Self = Self::stated(527, 1830, 2960);
+    pub const LINEAR: Self = Self::stated(527, 1830, 3008);
     /// A film behind an elastic curve.
-    pub const CURVED: Self = Self::stated(615, 2006, 3268);
+    pub const CURVED: Self = Self::stated(612, 1999, 3262);
     /// A film with two curves.
-    pub const TWO_CURVES: Self = Self::stated(691, 2169, 3569);
+    pub const TWO_CURVES: Self = Self::stated(698, 2182, 3623);
     /// A film with a spring in series.
-    pub const SERIES: Self = Self::stated(643, 2072, 3517);
+    pub const SERIES: Self = Self::stated(650, 2086, 3541);
 
     /// The cost of `film`.
     pub fn new(film: Film<'_>) -> Self {

@@ -15,6 +15,7 @@ impl<M: ControllerMemory> Device<M> {
     /// # Errors
     ///
     /// [`Refusal::State`](crate::Refusal::State) while the amplifier is enabled, and [`Reject::NoParameters`].
+    #[inline(never)] // the stack of other requests has no room for a controller
     pub fn rest(&mut self) -> Result<(), Denial> {
         let controller = self.disabled()?;
         controller.rest();

@@ -291,7 +291,7 @@ impl<T: Real> Inverse<T> {
             allowed = if led > largest { largest } else { led };
         }
         let slewed = clamp(allowed, *commanded - self.slew, *commanded + self.slew);
-        if slewed < allowed || allowed < slewed {
+        if slewed != allowed {
             limited |= Limited::SLEW;
         }
         // The largest voltage has priority over the slew limit.

@@ -5,7 +5,7 @@ use num_complex::Complex;
 
 use crate::kernel::quadrature::MAX_NODES;
 use crate::law::compressed::{Compressed, Decay, INERTIA};
-use crate::law::curved::Shape;
+use crate::law::curved::{Shape, Sprung};
 use crate::law::response::Tangent;
 use crate::law::{Law, Memory};
 use crate::scalar::Scalar;
@@ -128,10 +128,10 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         // A memory relaxes monotonically.
         let stiffnesses = || [frequency_hz, 1.0].map(|hz| self.memory_stiffness(hz));
         match self.bent() {
-            Some((_, Shape::Beside(beside))) => {
+            Some((_, Shape::Sprung(Sprung::Beside(beside)))) => {
                 return stiffer * beside.growth(stiffnesses(), strokes, coupling_per_m);
             }
-            Some((_, Shape::Series(series))) => {
+            Some((_, Shape::Sprung(Sprung::Series(series)))) => {
                 return stiffer * series.growth(stiffnesses(), strokes, coupling_per_m);
             }
             _ => {}

@@ -43,12 +43,20 @@ pub(crate) struct Remembered<T> {
 
 /// The curves of a law.
 #[derive(Debug, PartialEq)]
+#[repr(u32)] // a step asks for 0 first
 pub(crate) enum Shape<T> {
     /// A curve before spring and memory.
     Before(Table<T>),
-    /// A spring beside the memory, which has a strain measure of its own. As many pieces in all.
+    /// A spring besides the memory: one variant, so that a step behind a curve asks no more than whether there is one.
+    Sprung(Sprung<T>),
+}
+
+/// A spring besides the memory.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Sprung<T> {
+    /// Beside it; the memory has a strain measure of its own. As many pieces as a curve in all.
     Beside(Beside<T>),
-    /// A spring in series with the memory.
+    /// In series with it.
     Series(Series<T>),
 }
 
@@ -58,8 +66,7 @@ impl<T: Clone> Clone for Shape<T> {
     fn clone(&self) -> Self {
         match self {
             Self::Before(table) => Self::Before(table.clone()),
-            Self::Beside(beside) => Self::Beside(beside.clone()),
-            Self::Series(series) => Self::Series(series.clone()),
+            Self::Sprung(spring) => Self::Sprung(spring.clone()),
         }
     }
 }
@@ -193,8 +200,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         let (before, beside, series) = match self.curved.as_ref().map(|curved| &curved.shape) {
             None => (None, None, None),
             Some(Shape::Before(table)) => (Some(table), None, None),
-            Some(Shape::Beside(beside)) => (None, Some(beside), None),
-            Some(Shape::Series(series)) => (None, None, Some(series)),
+            Some(Shape::Sprung(Sprung::Beside(beside))) => (None, Some(beside), None),
+            Some(Shape::Sprung(Sprung::Series(series))) => (None, None, Some(series)),
         };
         let springs = beside.into_iter().flat_map(Beside::knots).chain(series.into_iter().flat_map(Series::knots));
         before.into_iter().flat_map(Table::knots).chain(springs)
@@ -209,8 +216,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         take.array("past_inertia", *past_inertia, "of the last three increments, newest first, N/m");
         match shape {
             Shape::Before(table) => table.numbers(take, "pieces", MAX_KNOTS - 1),
-            Shape::Beside(beside) => beside.numbers(take, *least),
-            Shape::Series(series) => series.numbers(take),
+            Shape::Sprung(Sprung::Beside(beside)) => beside.numbers(take, *least),
+            Shape::Sprung(Sprung::Series(series)) => series.numbers(take),
         }
     }
 
@@ -218,8 +225,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     pub(crate) fn rounded_curve(&self) -> Option<Curve> {
         match &self.curved.as_ref()?.shape {
             Shape::Before(table) => table.curve().ok(),
-            Shape::Beside(beside) => beside.measure.curve().ok(),
-            Shape::Series(_) => None,
+            Shape::Sprung(Sprung::Beside(beside)) => beside.measure.curve().ok(),
+            Shape::Sprung(Sprung::Series(_)) => None,
         }
     }
 
@@ -243,14 +250,14 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                     state.base = memory(state.bend.predicted);
                     curved.meet(&mut state);
                 }
-                Shape::Beside(beside) => {
+                Shape::Sprung(Sprung::Beside(beside)) => {
                     let ahead = beside.look_ahead(&state, state.increment);
                     state.bend.ahead = ahead.place;
                     state.bend.predicted = ahead.place.minus(&beside.measure.place(at, state.position_surplus));
                     let memory = memory(state.bend.predicted);
                     beside.meet(curved, &mut state, &ahead, [memory, T::ZERO]);
                 }
-                Shape::Series(series) => {
+                Shape::Sprung(Sprung::Series(series)) => {
                     state.bend.predicted = stretched;
                     series.meet(curved, &mut state, base, T::ZERO);
                 }
@@ -286,7 +293,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                 stiffness: state.bend.stiffness,
                 steepness: state.bend.slope,
             },
-            Some((_, Shape::Beside(_))) => Remembered {
+            Some((_, Shape::Sprung(Sprung::Beside(_)))) => Remembered {
                 force: state.bend.memory,
                 value,
                 weight: ahead.slope,
@@ -294,7 +301,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                 stiffness: state.bend.stiffness,
                 steepness: state.bend.slope,
             },
-            Some((curved, Shape::Series(_))) => Series::remembered(curved, state),
+            Some((curved, Shape::Sprung(Sprung::Series(_)))) => Series::remembered(curved, state),
         }
     }
 
@@ -307,8 +314,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                 let memory = (curved.least.to_f64() - newest * self.mass_per_step2) / self.instant;
                 Tangent { memory, ..Tangent::REST }
             }
-            Some((_, Shape::Beside(beside))) => beside.softest(),
-            Some((_, Shape::Series(series))) => series.softest(),
+            Some((_, Shape::Sprung(Sprung::Beside(beside)))) => beside.softest(),
+            Some((_, Shape::Sprung(Sprung::Series(series)))) => series.softest(),
         }
     }
 
@@ -320,16 +327,16 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                 let memory = table.curve().map_or(1.0, |curve| curve.slope(displacement));
                 Tangent { memory, ..Tangent::REST }
             }
-            Some((_, Shape::Beside(beside))) => beside.tangent_at(T::from_f64(displacement)),
-            Some((_, Shape::Series(series))) => series.tangent_at(displacement),
+            Some((_, Shape::Sprung(Sprung::Beside(beside)))) => beside.tangent_at(T::from_f64(displacement)),
+            Some((_, Shape::Sprung(Sprung::Series(series)))) => series.tangent_at(displacement),
         }
     }
 
     /// The film at rest: every curve has the slope 1 there.
     pub(crate) fn tangent_at_rest(&self) -> Tangent {
         match self.bent() {
-            Some((_, Shape::Beside(beside))) => Tangent { memory: 1.0, ..beside.tangent_at(T::ZERO) },
-            Some((_, Shape::Series(series))) => series.tangent_at(0.0),
+            Some((_, Shape::Sprung(Sprung::Beside(beside)))) => Tangent { memory: 1.0, ..beside.tangent_at(T::ZERO) },
+            Some((_, Shape::Sprung(Sprung::Series(series)))) => series.tangent_at(0.0),
             _ => Tangent::REST,
         }
     }
@@ -365,9 +372,9 @@ impl<T: Scalar> Curved<T> {
         let at = T::from_f64(displacement);
         let place = match &self.shape {
             Shape::Before(table) => table.place(at, T::ZERO),
-            Shape::Beside(beside) => beside.measure.place(at, T::ZERO),
+            Shape::Sprung(Sprung::Beside(beside)) => beside.measure.place(at, T::ZERO),
             // Of the memory.
-            Shape::Series(_) => return (displacement, 1.0),
+            Shape::Sprung(Sprung::Series(_)) => return (displacement, 1.0),
         };
         (place.knot.to_f64() + place.beyond.to_f64(), place.slope.to_f64())
     }

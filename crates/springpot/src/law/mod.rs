@@ -26,7 +26,7 @@ use crate::error::LawError;
 use crate::kernel::Discretisation;
 use crate::scalar::Scalar;
 
-use curved::{Bend, Curved, Shape};
+use curved::{Bend, Curved, Shape, Sprung};
 pub(crate) use state_traits::state_traits;
 
 /// How a law remembers the past: [`Compressed`] (the default) or [`Window`].
@@ -274,8 +274,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         let before = match self.bent() {
             None => None,
             Some((curved, Shape::Before(table))) => Some((curved, table)),
-            Some((curved, Shape::Beside(beside))) => return self.force_beside(curved, beside, state, displacement),
-            Some((curved, Shape::Series(series))) => return self.force_in_series(curved, series, state, displacement),
+            Some((curved, Shape::Sprung(spring))) => return self.force_sprung(curved, spring, state, displacement),
         };
         let increment = state.increment_to(displacement);
         state.position = displacement;
@@ -310,8 +309,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                 let place = table.place(displacement + state.bend.origin, T::ZERO);
                 curved.force_at(state, place.minus(&state.bend.ahead), increment)
             }
-            Some((curved, Shape::Beside(beside))) => beside.force_to(curved, state, displacement),
-            Some((curved, Shape::Series(series))) => series.force_to(curved, state, displacement),
+            Some((curved, Shape::Sprung(Sprung::Beside(beside)))) => beside.force_to(curved, state, displacement),
+            Some((curved, Shape::Sprung(Sprung::Series(series)))) => series.force_to(curved, state, displacement),
         }
     }
 
@@ -340,11 +339,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         let before = match self.bent() {
             None => None,
             Some((curved, Shape::Before(table))) => Some((curved, table)),
-            Some((curved, Shape::Beside(beside))) => {
-                return self.change_increment_beside(curved, beside, state, change);
-            }
-            Some((curved, Shape::Series(series))) => {
-                return self.change_increment_in_series(curved, series, state, change);
+            Some((curved, Shape::Sprung(spring))) => {
+                return self.change_increment_sprung(curved, spring, state, change);
             }
         };
         let (position, increment) = state.moved(change);
@@ -360,6 +356,29 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
             }
         }
         position
+    }
+
+    // Not inlined, here and below: a step without a spring asks no more than whether there is one.
+    #[inline(never)]
+    fn force_sprung(&self, curved: &Curved<T>, spring: &Sprung<T>, state: &mut LawState<T, M>, displacement: T) -> T {
+        match spring {
+            Sprung::Beside(beside) => self.force_beside(curved, beside, state, displacement),
+            Sprung::Series(series) => self.force_in_series(curved, series, state, displacement),
+        }
+    }
+
+    #[inline(never)]
+    fn change_increment_sprung(
+        &self,
+        curved: &Curved<T>,
+        spring: &Sprung<T>,
+        state: &mut LawState<T, M>,
+        change: T,
+    ) -> T {
+        match spring {
+            Sprung::Beside(beside) => self.change_increment_beside(curved, beside, state, change),
+            Sprung::Series(series) => self.change_increment_in_series(curved, series, state, change),
+        }
     }
 
     #[inline]

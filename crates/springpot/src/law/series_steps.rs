@@ -2,7 +2,7 @@
 
 use crate::curve::{Place, Spring, Table};
 use crate::error::LawError;
-use crate::law::curved::{Curved, Remembered, Shape, divides};
+use crate::law::curved::{Curved, Remembered, Shape, Sprung, divides};
 use crate::law::series::Series;
 use crate::law::{Law, LawState, Memory};
 use crate::scalar::Scalar;
@@ -61,10 +61,10 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         let Self { instant, mass_per_step2, .. } = *self;
         let at = |slope: f64| T::from_f64(instant * slope / (instant + slope) + newest * mass_per_step2);
         let series = Series { spring: table, slow: T::ZERO, scale: T::ZERO };
-        self.bend_to(Shape::Series(series), [slope, rounded.max_slope().1].map(at))?;
+        self.bend_to(Shape::Sprung(Sprung::Series(series)), [slope, rounded.max_slope().1].map(at))?;
         // At 1 Hz, as the observer's gains are.
         let memory = self.memory_stiffness(1.0);
-        if let Some(Curved { shape: Shape::Series(series), .. }) = &mut self.curved {
+        if let Some(Curved { shape: Shape::Sprung(Sprung::Series(series)), .. }) = &mut self.curved {
             series.slow = T::from_f64(memory);
             series.scale = T::from_f64(1.0 + memory / rounded.slope(0.0));
         }
@@ -73,13 +73,13 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
     /// Whether a spring is in series with the memory.
     pub(super) fn is_in_series(&self) -> bool {
-        matches!(self.bent(), Some((_, Shape::Series(_))))
+        matches!(self.bent(), Some((_, Shape::Sprung(Sprung::Series(_)))))
     }
 
     /// The spring in series, as the number type holds it.
     pub(crate) fn rounded_series(&self) -> Option<Spring> {
         match self.bent()?.1 {
-            Shape::Series(series) => series.spring.spring().ok(),
+            Shape::Sprung(Sprung::Series(series)) => series.spring.spring().ok(),
             _ => None,
         }
     }
@@ -138,7 +138,7 @@ impl<T: Scalar> Series<T> {
         };
         let first = shift(&state.bend.ahead, change);
         // The spring has what that leaves of the change; the rest along its tangent there.
-        let (elongation, surplus) = state.bend.elongated(state.increment - state.bend.predicted + (change - first));
+        let (elongation, surplus) = state.bend.elongated((increment - state.bend.predicted) - first);
         let last = shift(&self.spring.place(elongation, surplus), first);
         let inertia = state.bend.inertia + curved.inertia * change;
         [memory + curved.instant * last + inertia, last]

@@ -3,7 +3,7 @@
 use crate::curve::{Curve, MAX_SPRING_KNOTS, Spring, Table};
 use crate::error::{CurveError, LawError};
 use crate::law::beside::{Beside, Met};
-use crate::law::curved::{Curved, Shape, divides};
+use crate::law::curved::{Curved, Shape, Sprung, divides};
 use crate::law::{Law, LawState, Memory};
 use crate::scalar::Scalar;
 
@@ -89,7 +89,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         if let Some(curved) = &mut self.curved {
             curved.least = held;
             curved.largest = T::from_f64(largest);
-            curved.shape = Shape::Beside(Beside { measure, spring, spring_share, memory_share });
+            curved.shape = Shape::Sprung(Sprung::Beside(Beside { measure, spring, spring_share, memory_share }));
         }
         Ok(())
     }
@@ -107,8 +107,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// The spring beside the memory, as the number type holds it.
     pub(crate) fn rounded_spring(&self) -> Option<Spring> {
         match &self.curved.as_ref()?.shape {
-            Shape::Before(_) | Shape::Series(_) => None,
-            Shape::Beside(beside) => beside.spring.spring().ok(),
+            Shape::Before(_) | Shape::Sprung(Sprung::Series(_)) => None,
+            Shape::Sprung(Sprung::Beside(beside)) => beside.spring.spring().ok(),
         }
     }
 

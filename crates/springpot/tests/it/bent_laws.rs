@@ -61,12 +61,12 @@ fn creep_is_that_of_the_nonlinear_sum() {
         let model = film(mass_kg);
         let exact = kind.summed(&model, |film| film.by_the_sum(|k, x| load(k) * (1.0 + coupling * x), SAMPLES));
         let largest = exact.iter().copied().fold(0.0, f64::max);
-        let matters = match kind {
-            Film::Behind => bent(largest) > 1.4 * largest,
-            Film::Beside => strain(largest)[1] < 0.93,
-            Film::Series => in_series(1).displacement(44.0) < 0.5 * 44.0 / in_series(1).slope(0.0),
+        let (most_m, matters) = match kind {
+            Film::Behind => (6e-3, bent(largest) > 1.4 * largest),
+            Film::Beside => (6e-3, strain(largest)[1] < 0.93),
+            Film::Series => (6.5e-3, in_series(1).displacement(44.0) < 0.5 * 44.0 / in_series(1).slope(0.0)),
         };
-        assert!((1.7e-3..6.5e-3).contains(&largest) && matters, "the curves matter: {largest}");
+        assert!((1.7e-3..most_m).contains(&largest) && matters, "the curves matter: {largest}");
         let load = |k| Load { force_n: load(k), slope_n_per_m: load(k) * coupling };
         let most = if kind == Film::Behind { 16 } else { 8 };
         for pieces in [1, 7, most] {

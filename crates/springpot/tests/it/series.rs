@@ -1,7 +1,5 @@
 //! A spring in series with the memory of a law, against the same spring in the model, stepping, and what a film can give back.
 
-use std::f64::consts::TAU;
-
 use proptest::prelude::*;
 use springpot::{
     Compressed, CompressionBound, Discretisation, Knot, Law, LawError, LawOptions, Load, Maxwell, Spring, Springpot,
@@ -10,6 +8,7 @@ use springpot::{
 
 use crate::support::bent_films::{STEP_S, film, in_series, load, run};
 use crate::support::{METHODS, law_by, relative_rms};
+use crate::two_curves::{assert_coarser_follows, assert_slope_of_slow_changes};
 
 fn springpot(c: f64, alpha: f64) -> Springpot {
     Springpot::new(c, alpha)
@@ -46,26 +45,7 @@ fn a_linear_spring_is_one_of_the_model() {
 
 #[test]
 fn the_slope_is_that_of_slow_changes() {
-    let law = law(0.0, Discretisation::Gl);
-    let amplitude = |centre: f64| {
-        let (mut state, mut still) = (law.state(), law.state());
-        let (mut swung, size) = (0f64, 1e-6);
-        for k in 0..8000 {
-            let phase = TAU * f64::from(k) * STEP_S;
-            let force = law.force(&mut state, centre + size * phase.sin()) - law.force(&mut still, centre);
-            swung = if k >= 4000 { swung.max(force.abs()) } else { 0.0 };
-        }
-        (swung / size, still.slope())
-    };
-    let (at_rest, one) = amplitude(0.0);
-    assert!((one - 1.0).abs() < 1e-6, "{one}");
-    for centre in [1.5e-3, 4e-3] {
-        let (stiffness, slope) = amplitude(centre);
-        assert!(
-            slope > 1.1 && (stiffness / at_rest / slope - 1.0).abs() < 0.05,
-            "{centre}: {stiffness} of {at_rest}, {slope}"
-        );
-    }
+    assert_slope_of_slow_changes(&law(0.0, Discretisation::Gl), 0.05);
 }
 
 /// In a film that was held the memory went on slowly: it remembers less than one that was at its end all the time, by a few per cent.
@@ -120,20 +100,9 @@ fn hours_in_single_precision_do_not_drift() {
 
 #[test]
 fn a_coarser_law_and_the_bound_know_the_spring() {
-    type Coarse = Law<f64, Compressed<f64, 4, 11, 7>>;
     let law = law(0.0, Discretisation::Gl);
-    let coarse: Coarse = law.coarser();
-    let margin = law.margin_of(&coarse, 5e-3, 0.0);
-    assert!((0.0..0.02).contains(&margin), "{margin}");
-    assert!(law.margin_of(&coarse, 5e-3, 100.0) > margin);
-    let (mut film_state, mut watched) = (law.state(), coarse.state());
-    for k in 0..60_000 {
-        let force = if k % 20_000 < 12_000 { 35.0 } else { 12.0 };
-        let x = law.displacement(&mut film_state, force);
-        let seen = coarse.displacement(&mut watched, force);
-        assert!(k < 100 || (seen - x).abs() < 0.015 * x.abs(), "step {k}: {seen} instead of {x}");
-        assert!(k < 1000 || seen > x * (1.0 - margin) - 1e-6, "step {k}: {seen} of {x}, margin {margin}");
-    }
+    let margin = assert_coarser_follows(&law);
+    assert!(law.margin_of::<Compressed<f64, 4, 11, 7>>(&law.coarser(), 5e-3, 100.0) > margin);
     let CompressionBound { displacement_per_increment, force_per_stroke, .. } =
         law.compression_bound(&film(0.0), 155.0);
     assert!(displacement_per_increment < 1e-3 && force_per_stroke.is_infinite());
