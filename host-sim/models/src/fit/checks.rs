@@ -176,7 +176,8 @@ impl Misfit {
         });
         let count = residuals.iter().map(Vec::len).sum::<usize>().max(1);
         let rms_pct = 100.0 * (squares.sum::<f64>() / count as f64).sqrt();
-        let correlated = whiteness.lag_one.clamp(0.0, 1.0);
+        // White noise is correlated by chance as well.
+        let correlated = (whiteness.lag_one - 2.0 / (count as f64).sqrt()).clamp(0.0, 1.0);
         let systematic_pct = rms_pct * correlated.sqrt();
         let errors = chosen.iter().flat_map(|row| [row.left_out_nrmse_pct, row.left_out_blocks_nrmse_pct]).flatten();
         let noise = chosen.map_or(0.0, |row| row.nrmse_pct.powi(2) * (1.0 - correlated));

@@ -14,6 +14,7 @@ mod delay;
 pub(crate) mod descent;
 pub(crate) mod explained;
 pub(crate) mod faults;
+pub(crate) mod left_out;
 pub mod objective;
 pub mod observation;
 pub mod options;

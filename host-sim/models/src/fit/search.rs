@@ -7,10 +7,11 @@ use std::sync::atomic::Ordering;
 
 use super::candidate::{Candidate, Variable};
 use super::descent::{Context, Found, is_long};
+use super::left_out::LeftOut;
 use super::objective::Objective;
 use super::observation::{self, Observation};
 use super::pattern_search;
-use super::selection::{LeftOut, Selection, StructureFit, StructureRow, has_one_amplitude, is_near, is_worth_it};
+use super::selection::{Selection, StructureFit, StructureRow, has_one_amplitude, is_near, is_worth_it};
 use super::settings::{CurveChoice, Method, Settings, Stages, work};
 use super::starts::{Kind, creeping, grown, reach, relaxing};
 use super::statistics::{Loss, Whiteness, robust_deviation};
@@ -212,7 +213,12 @@ impl Search<'_> {
                 let mut rivals = others.iter().filter(|other| size(other) <= size(fit));
                 rivals.all(|other| is_near(fit.minimum.cost, other.minimum.cost))
             };
-            fits.extend(self.growing(&kind.name(), branches(), None, fit, goes_on));
+            // Without a saturation it has shown how many branches it takes.
+            let simpler = others.iter().filter(|other| kind.adds_saturation_to(&other.candidate));
+            let simpler = simpler.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
+            let fewest = simpler.map_or(0, |simpler| simpler.candidate.branches());
+            let branches = branches().filter(|&n| n >= fewest);
+            fits.extend(self.growing(&kind.name(), branches, None, fit, goes_on));
         }
         if beginning.is_some() {
             fits.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
@@ -242,11 +248,15 @@ impl Search<'_> {
         }
         let is_asked_for = settings.curve != CurveChoice::Auto && fits.iter().any(|fit| !fit.is_linear());
         let one_amplitude = has_one_amplitude(observations);
-        let Selection { index, rows } = Selection::new(&fits, context.coarse.samples(), is_asked_for, one_amplitude);
+        let Selection { index, rivals, rows } =
+            Selection::new(&fits, context.coarse.samples(), is_asked_for, one_amplitude);
         if fits.is_empty() {
             return Err(Error::Computation("no structure could be fitted to these recordings".into()));
         }
-        let StructureFit { found, refits, .. } = fits.swap_remove(index);
+        let rivals: Vec<Candidate> = rivals.iter().map(|&k| fits[k].found.candidate.clone()).collect();
+        let StructureFit { found, mut refits, .. } = fits.swap_remove(index);
+        // The film may be one of them as well.
+        refits.extend(rivals.into_iter().filter(|rival| rival.topology == found.candidate.topology));
         Ok(Selected { found, rows, refits })
     }
 }

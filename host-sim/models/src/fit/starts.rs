@@ -198,12 +198,16 @@ impl Kind {
     pub(super) fn extends(self, candidate: &Candidate) -> bool {
         let may_saturate =
             matches!(self, Self::Free { saturates: true, .. } | Self::Series { saturates: true } | Self::Beside { .. });
-        let fewer = match self {
-            Self::Beside { pieces: 1.. } => candidate.spring.as_ref().is_some_and(Elastic::is_linear),
-            Self::Series { saturates: true } => candidate.is_in_series(),
-            _ => false,
-        };
-        fewer || candidate.is_straight() && (may_saturate || candidate.actuator.saturation_v.is_none())
+        let fewer =
+            matches!(self, Self::Beside { pieces: 1.. }) && candidate.spring.as_ref().is_some_and(Elastic::is_linear);
+        fewer
+            || self.adds_saturation_to(candidate)
+            || candidate.is_straight() && (may_saturate || candidate.actuator.saturation_v.is_none())
+    }
+
+    /// Whether this kind is the spring in series of `candidate` and a saturation.
+    pub(super) fn adds_saturation_to(self, candidate: &Candidate) -> bool {
+        self == Self::Series { saturates: true } && candidate.is_in_series()
     }
 
     /// Largest cost of a simpler film, over the least so far, from which this kind is tried.

@@ -23,9 +23,10 @@ pub(super) type Spectrum = Vec<Complex<f64>>;
 /// Largest error of coupled motion in a fit, relative to the displacement: far below the residuals of any recording.
 const TOLERANCE: f64 = 1e-8;
 
-/// Tolerance of a law whose error is corrected with full memory, and of one that is not.
+/// Tolerance of a law whose error is corrected with full memory, and of one that is not: what fades within some steps of coarse rows is hard to
+/// compress.
 const CORRECTED: f64 = f64::MAX;
-const STEPPED: f64 = 1e-4;
+const STEPPED: f64 = 1e-3;
 
 /// Corrections of coupled motion before it is given up.
 const MAX_CORRECTIONS: usize = 12;

@@ -12,9 +12,10 @@ use crate::files::recording::Input;
 use crate::fit::Settings;
 use crate::fit::candidate::{Candidate, Variable};
 use crate::fit::descent::{Context, Found, PreparedObservations};
+use crate::fit::left_out::LeftOut;
 use crate::fit::objective::Objective;
 use crate::fit::observation::Observation;
-use crate::fit::selection::{self, LeftOut};
+use crate::fit::selection;
 use crate::progress::Stage;
 use crate::studies::prandtl_ishlinskii::PrandtlIshlinskii;
 
