@@ -185,11 +185,11 @@ fn the_film_with_much_creep() {
 /// against the interval that is stated for it.
 #[test]
 fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
-    let cases = if full_sweep() { 200 } else { 2 };
+    // The memory of film 196 is the hardest to compress at the step of its rows.
+    let seeds: Vec<u64> = if full_sweep() { (46..246).collect() } else { vec![46, 196] };
     let mut worse = Vec::new();
     let (mut widths, mut measured, mut missed) = (Vec::new(), Vec::new(), Vec::new());
-    // Films that were not seen when the interval was calibrated, on the first 42; its upper end is 5 % lower since.
-    for seed in 46..46 + cases {
+    for &seed in &seeds {
         let case = random(seed);
         let fit = fitted(&case.recordings(seed));
         let (selected, best) = errors_pct(&case, &fit);
@@ -217,10 +217,9 @@ fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
         missed.len(),
         measured.len()
     );
-    assert!(worse.is_empty(), "{} of {cases}: {}", worse.len(), worse.concat());
+    assert!(worse.is_empty(), "{} of {}: {}", worse.len(), seeds.len(), worse.concat());
     assert!(20 * missed.len() <= measured.len(), "{missed:?}");
-    // Three times the median error, where that is what it was without a spring in series: the interval is as wide as the few films need that are far off.
-    assert!(width_pct <= 3.0 && measured_pct <= 0.3, "{width_pct} for {measured_pct} %");
+    assert!(width_pct <= 3.0 * measured_pct, "{width_pct} for {measured_pct} %");
 }
 
 /// A reference beyond what was recorded is named with what to record, and more is expected of its error.
