@@ -29,7 +29,7 @@ impl Cost {
     /// A linear film.
     pub const LINEAR: Self = Self::stated(527, 1830, 3008);
     /// A film behind an elastic curve.
-    pub const CURVED: Self = Self::stated(612, 1999, 3262);
+    pub const CURVED: Self = Self::stated(615, 1999, 3262);
     /// A film with two curves.
     pub const TWO_CURVES: Self = Self::stated(698, 2182, 3623);
     /// A film with a spring in series.
