@@ -181,15 +181,22 @@ fn the_film_with_much_creep() {
     assert!(fit.structures.iter().all(|row| row.left_out_nrmse_pct.is_some()), "every structure is compared");
 }
 
+/// A candidate's memory fades within some steps of the rows, which is hard to compress: there was no fit once.
+#[test]
+fn a_memory_that_fades_within_some_steps_is_fitted() {
+    let case = random(196);
+    let (selected, best) = errors_pct(&case, &fitted(&case.recordings(196)));
+    assert!(selected <= 1.3 * best + 0.1 && selected < 0.3, "{selected} of {best}");
+}
+
 /// Films at random: the structure against the best that was tried, where 0.1 % of the stroke matters to no application, and feedforward
 /// against the interval that is stated for it.
 #[test]
 fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
-    // The memory of film 196 is the hardest to compress at the step of its rows.
-    let seeds: Vec<u64> = if full_sweep() { (46..246).collect() } else { vec![46, 196] };
+    let cases = if full_sweep() { 200 } else { 2 };
     let mut worse = Vec::new();
     let (mut widths, mut measured, mut missed) = (Vec::new(), Vec::new(), Vec::new());
-    for &seed in &seeds {
+    for seed in 46..46 + cases {
         let case = random(seed);
         let fit = fitted(&case.recordings(seed));
         let (selected, best) = errors_pct(&case, &fit);
@@ -217,7 +224,7 @@ fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
         missed.len(),
         measured.len()
     );
-    assert!(worse.is_empty(), "{} of {}: {}", worse.len(), seeds.len(), worse.concat());
+    assert!(worse.is_empty(), "{} of {cases}: {}", worse.len(), worse.concat());
     assert!(20 * missed.len() <= measured.len(), "{missed:?}");
     assert!(width_pct <= 3.0 * measured_pct, "{width_pct} for {measured_pct} %");
 }
