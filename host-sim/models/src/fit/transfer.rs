@@ -13,7 +13,9 @@ use crate::replay::nonlinear::{BentFilm, bent_displacement};
 
 /// Memory of the recursion that approximates coupled motion.
 pub(super) type Recursion = Compressed<f64, HEAD, FAST, 0>;
-/// Its newest increments, and its modes.
+/// Memory of a law that steps alone: with more exact increments than a controller's, since some branches fade within several steps of coarse rows.
+pub(super) type Stepped = Compressed<f64, 24, 12, 24>;
+/// Newest increments of the recursion, and its modes.
 pub(super) const HEAD: usize = 8;
 pub(super) const FAST: usize = 16;
 
@@ -23,10 +25,9 @@ pub(super) type Spectrum = Vec<Complex<f64>>;
 /// Largest error of coupled motion in a fit, relative to the displacement: far below the residuals of any recording.
 const TOLERANCE: f64 = 1e-8;
 
-/// Tolerance of a law whose error is corrected with full memory, and of one that is not: what fades within some steps of coarse rows is hard to
-/// compress.
+/// Tolerance of a law whose error is corrected with full memory, and of one that is not.
 const CORRECTED: f64 = f64::MAX;
-const STEPPED: f64 = 1e-3;
+const STEPPED: f64 = 1e-4;
 
 /// Corrections of coupled motion before it is given up.
 const MAX_CORRECTIONS: usize = 12;
@@ -43,7 +44,7 @@ pub(super) struct Transfer {
     pub(super) inertia: Spectrum,
     pub(super) kernel: Spectrum,
     /// Steps a film with a spring in series.
-    pub(super) in_series: Option<Law<f64>>,
+    pub(super) in_series: Option<Law<f64, Stepped>>,
     /// Approximates coupled motion, and motion behind the curve; none where neither is.
     pub(super) law: Option<Law<f64, Recursion>>,
 }
@@ -62,7 +63,7 @@ impl Transfer {
         let is_bent = curves.is_some() || series.is_some();
         let law = if coupled || is_bent { Some(recursion_of(model, circle, step_s, CORRECTED)?) } else { None };
         let in_series = match series {
-            Some(spring) => Some(recursion_of::<12, 12, 24>(model, circle, step_s, STEPPED)?.in_series(spring).ok()?),
+            Some(spring) => Some(recursion_of(model, circle, step_s, STEPPED)?.in_series(spring).ok()?),
             None => None,
         };
         let law = match (law, curves) {

@@ -22,7 +22,7 @@ const KEY: &str = "recorded";
 const MIN_RATIO: f64 = 0.05;
 const MAX_OVER_DIFFERENCE: f64 = 1.45;
 const MAX_OVER_MISFIT: f64 = 5.0;
-/// The largest over that on what was left out, where there are no fits to parts: calibrated on the same films.
+/// The largest over that on what was left out, where there are no fits to parts: calibrated on some of these films.
 const MAX_OVER_LEFT_OUT: f64 = 5.0;
 /// Growth of the error with each share by which a reference exceeds what was recorded.
 const GROWTH: f64 = 5.0;

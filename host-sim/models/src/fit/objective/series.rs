@@ -12,12 +12,12 @@
 use springpot::{Law, Load, Spring};
 
 use super::super::candidate::{Candidate, Variable};
-use super::super::transfer::{Nodes, Spectrum, Transfer};
+use super::super::transfer::{Nodes, Spectrum, Stepped, Transfer};
 use super::product;
 use crate::replay::full_memory::FullMemory;
 
 /// Displacement and elongation (m) of a film under `loads`; none for pull-in.
-pub(super) fn response(law: &Law<f64>, loads: &[Load<f64>]) -> Option<[Vec<f64>; 2]> {
+pub(super) fn response(law: &Law<f64, Stepped>, loads: &[Load<f64>]) -> Option<[Vec<f64>; 2]> {
     let steepest = loads.iter().map(|load| load.slope_n_per_m).fold(0.0, f64::max);
     if steepest >= 0.99 * law.min_stiffness() {
         return None;
