@@ -60,6 +60,7 @@ impl Subject {
         let parameters = Parameters {
             curve: None,
             spring: None,
+            temperature: None,
             method: springpot::Discretisation::Gl,
             name: name.into(),
             actuator: candidate.actuator,

@@ -69,6 +69,7 @@ impl PyModel {
             model,
             curve: None,
             spring: None,
+            temperature: None,
             method: Discretisation::Gl,
             sensor_offset_m,
             sensor_delay_s: 0.0,
@@ -146,6 +147,19 @@ impl PyModel {
     fn spring(&self) -> Option<&'static str> {
         let Parameters { curve, spring, .. } = &self.parameters;
         spring.as_ref().map(|_| if curve.is_some() { "beside" } else { "in series" })
+    }
+
+    /// The temperature of the parameters, °C; None for a film that was not fitted at several.
+    #[getter]
+    fn reference_c(&self) -> Option<f64> {
+        self.parameters.temperature.map(|dependence| dependence.reference_c)
+    }
+
+    /// The film at `temperature_c` (°C), for one that was fitted at several.
+    ///
+    /// Raises InputError for another film, and for a temperature that its dependence does not reach.
+    fn at_temperature(&self, temperature_c: f64) -> PyResult<Self> {
+        Ok(Self::new_from(self.parameters.at_temperature(temperature_c).raise()?, self.source.as_str()))
     }
 
     /// Force (N/m) left after `time_s` (s; a number or an array) per metre of a step of displacement; without the mass and the curve.

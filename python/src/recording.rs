@@ -61,13 +61,14 @@ impl PyRecording {
 #[pymethods]
 impl PyRecording {
     #[new]
-    #[pyo3(signature = (time_s, *, voltage_v=None, force_n=None, displacement_m=None, weight=None, name="recording"))]
+    #[pyo3(signature = (time_s, *, voltage_v=None, force_n=None, displacement_m=None, weight=None, temperature_c=None, name="recording"))]
     fn new(
         time_s: &Bound<'_, PyAny>,
         voltage_v: Option<&Bound<'_, PyAny>>,
         force_n: Option<&Bound<'_, PyAny>>,
         displacement_m: Option<&Bound<'_, PyAny>>,
         weight: Option<&Bound<'_, PyAny>>,
+        temperature_c: Option<&Bound<'_, PyAny>>,
         name: &str,
     ) -> PyResult<Self> {
         let columns = [
@@ -75,6 +76,7 @@ impl PyRecording {
             (Quantity::Force, "force_n", force_n),
             (Quantity::Displacement, "displacement_m", displacement_m),
             (Quantity::Weight, "weight", weight),
+            (Quantity::Temperature, "temperature_c", temperature_c),
         ];
         let columns = columns
             .into_iter()
@@ -119,6 +121,12 @@ impl PyRecording {
     #[getter]
     fn weight(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
         self.column(py, "weight")
+    }
+
+    /// Temperatures of the film, °C; None without such a column.
+    #[getter]
+    fn temperature_c(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        self.column(py, "temperature_c")
     }
 
     /// The file, or the name.

@@ -102,6 +102,7 @@ pub(crate) fn simulate<'py>(
     let recording = recording.read(py, false)?;
     let (source, recording) = (&model.get().source, &recording.get().recording);
     let (grid, computed) = watch::run(py, None, |caller| {
+        let parameters = parameters.along(recording)?;
         let grid = recording.grid(options.rate_hz)?;
         let input = match direction {
             Direction::Force => recording.drive()?,

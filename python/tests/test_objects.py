@@ -40,6 +40,21 @@ def test_a_springpot_creeps_as_a_power() -> None:
     assert math.isnan(model.creep_compliance(0.0))
 
 
+def test_a_film_at_another_temperature() -> None:
+    """Creep is k times less, and a times as fast: k = 1 − 0.01 · 10, a = exp(E/R (1/T − 1/T₀))."""
+    table = "[temperature]\nreference_c = 20.0\nstiffness_per_k = -0.01\nactivation_kj_per_mol = 50.0\n"
+    text = sp.Model((60e3, 0.2)).to_toml().replace("schema = 1", "schema = 5")
+    model = sp.Model.from_toml(text + table)
+    warm = model.at_temperature(30.0)
+    time = math.exp(50e3 / 8.314462618 * (1 / 303.15 - 1 / 293.15))
+    assert (model.reference_c, warm.reference_c, sp.Model((60e3, 0.2)).reference_c) == (20.0, 30.0, None)
+    assert warm.creep_compliance(time) == pytest.approx(model.creep_compliance(1.0) / 0.9, rel=1e-10)
+    with pytest.raises(sp.InputError, match="no .temperature. table"):
+        sp.Model((60e3, 0.2)).at_temperature(30.0)
+    recording = sp.Recording([0.0, 1.0], voltage_v=[0.0, 1.0], temperature_c=[20.0, 22.0])
+    assert recording.temperature_c == pytest.approx([20.0, 22.0])
+
+
 def test_a_law_is_its_defining_sum() -> None:
     """Grünwald–Letnikov by its weights: a springpot in f64 against Σ w_j x_{k−j} / h^α."""
     alpha, c, step = 0.3, 50e3, 1e-2

@@ -50,6 +50,31 @@ pub enum ModelError {
     /// More branches than [`MAX_BRANCHES`].
     #[error("{0} branches, at most {MAX_BRANCHES} are possible")]
     Branches(usize),
+    /// A temperature that no film has (°C).
+    #[error("a temperature of {0} °C must be from -100 to 250: K or °F?")]
+    Temperature(f64),
+    /// A slope or an activation energy that no film has.
+    #[error("{quantity} = {value} must be from -{most} to {most}")]
+    TemperatureDependence {
+        /// Name of the field.
+        quantity: &'static str,
+        /// The value.
+        value: f64,
+        /// The largest.
+        most: f64,
+    },
+    /// A temperature to which a dependence does not reach.
+    #[error(
+        "at {temperature_c} °C the film would have {stiffness:.3} times its stiffness and {time:.3e} times its times, beyond what its dependence on the temperature describes"
+    )]
+    BeyondTemperature {
+        /// The temperature, °C.
+        temperature_c: f64,
+        /// Factor of the stiffness.
+        stiffness: f64,
+        /// Factor of the times.
+        time: f64,
+    },
 }
 
 /// Reasons to refuse a [`Law`](crate::Law).

@@ -31,7 +31,7 @@ pub use error::{
 };
 pub use kernel::Discretisation;
 pub use law::{Coefficients, Compressed, CompressionBound, Law, LawOptions, LawState, Memory, Window};
-pub use model::{Chain, Maxwell, Preset, Springpot, Topology};
+pub use model::{Chain, Maxwell, Preset, Springpot, TemperatureDependence, Topology};
 /// The complex number of [`Maxwell::modulus`] and of the frequency responses, from the crate `num-complex`.
 pub use num_complex::Complex;
 #[doc(hidden)]

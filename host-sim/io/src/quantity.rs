@@ -48,6 +48,8 @@ parsers! {
     metres_per_second_squared("m/s2") ["m/s2" = 1.0, "cm/s2" = 1e-2, "mm/s2" = 1e-3, "um/s2" = 1e-6];
     /// An area, m².
     square_metres("m2") ["m2" = 1.0, "cm2" = 1e-4, "mm2" = 1e-6, "um2" = 1e-12];
+    /// A temperature, °C.
+    celsius("°C") ["C" = 1.0, "°C" = 1.0];
     /// A share of 1, or in %.
     share("") ["%" = 1e-2];
     /// A number without a unit.

@@ -8,7 +8,7 @@ use serde::Serialize;
 use springpot::{AmplifierLag, CommandLimits, SelfSensing};
 
 use super::choice::named;
-use super::options::{self, LimitOptions};
+use super::options::{self, AtTemperature, LimitOptions};
 use super::recordings::RecordingOptions;
 use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
@@ -41,9 +41,14 @@ pub(super) struct Arguments {
     /// at 1 rad/s kept.
     #[arg(long, value_name = "NAME=FACTOR,…", value_delimiter = ',', value_parser = mismatch_factor)]
     plant_mismatch: Vec<MismatchFactor>,
+    /// Temperature of the film, °C, where it is a parameter file that was fitted at several.
+    #[arg(long, value_name = "C", allow_negative_numbers = true, value_parser = quantity::celsius)]
+    plant_temperature: Option<f64>,
     /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
     #[arg(long, value_name = "P")]
     params: String,
+    #[command(flatten)]
+    temperature: AtTemperature,
     /// Reference to follow: time_s, displacement_m.
     #[arg(long, value_name = "REF.csv")]
     reference: PathBuf,
@@ -215,7 +220,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     if !(0.2..=5.0).contains(&arguments.stiffness) {
         return Err(Error::field("stiffness", format!("{:?} must be from 0.2 to 5", arguments.stiffness)));
     }
-    let parameters = options::load(&arguments.params)?;
+    let parameters = arguments.temperature.load(&arguments.params)?;
     let mut limits = arguments.limits.limits(parameters.board.as_ref())?;
     let own_sensor = arguments.self_sensing.as_deref().map(CapacitanceFile::read).transpose()?;
     let own = own_sensor.as_ref().map(|file| &file.options);
@@ -292,6 +297,12 @@ impl Arguments {
         let bar = Progress::over(grid.samples as u64, "closed loop");
         let mismatch = self.mismatch();
         let run = match &self.plant {
+            PlantChoice::Nonlinear(_) if self.plant_temperature.is_some() => {
+                return Err(Error::field(
+                    "plant_temperature",
+                    "this film has no temperature; name a parameter file as `plant`",
+                ));
+            }
             PlantChoice::Nonlinear(_) if mismatch.alpha != 1.0 => {
                 let cause = "alpha: this film has no springpots; its stiffness may differ";
                 return Err(Error::field("plant_mismatch", cause));
@@ -301,7 +312,7 @@ impl Arguments {
                 closed_loop::track(&film, bench, controller, reference, grid, &bar)
             }
             PlantChoice::Parameters(name) => {
-                let film = options::load(name)?;
+                let film = AtTemperature { temperature: self.plant_temperature }.load(name)?;
                 let (substeps, substep_s) = closed_loop::substeps(grid);
                 let mut plant = FullMemoryPlant::at_rest(&film, mismatch, substep_s, substeps * grid.samples)
                     .map_err(|error| error.about(name, &self.reference))?;

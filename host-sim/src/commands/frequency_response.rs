@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::options;
+use super::options::AtTemperature;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::quantity;
@@ -20,6 +20,8 @@ pub(super) struct Arguments {
     /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
     #[arg(long, value_name = "P")]
     params: String,
+    #[command(flatten)]
+    temperature: AtTemperature,
     /// Lowest frequency.
     #[arg(long, value_name = "HZ", value_parser = quantity::hertz)]
     from: f64,
@@ -57,7 +59,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let law = discrete.then(|| arguments.rate.unwrap_or(1000.0));
     let sweep = Sweep { from_hz: from, to_hz: to, points, at_m: at, law_hz: law };
     sweep.check()?;
-    let parameters = options::load(&arguments.params)?;
+    let parameters = arguments.temperature.load(&arguments.params)?;
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
     let plot = arguments.plot.check(&[arguments.params.as_ref()], &[&arguments.out])?;
     let Response { frequency_hz, magnitude_m_per_n, phase_rad } =

@@ -19,6 +19,25 @@ pub(super) fn load(name: &str) -> Result<Parameters> {
     Ok(parameters)
 }
 
+/// A film at another temperature than that of its parameters.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub(super) struct AtTemperature {
+    /// Temperature of the film, °C, where it was fitted at several; that of its parameters if left out.
+    #[arg(long, value_name = "C", allow_negative_numbers = true, value_parser = quantity::celsius)]
+    pub(super) temperature: Option<f64>,
+}
+
+impl AtTemperature {
+    /// The parameters named on the command line, at this temperature.
+    pub(super) fn load(self, name: &str) -> Result<Parameters> {
+        let parameters = load(name)?;
+        match self.temperature {
+            Some(temperature_c) => parameters.at_temperature(temperature_c),
+            None => Ok(parameters),
+        }
+    }
+}
+
 /// The actuator of the file `name`, and whether its sizes are assumed; doubts about them are warnings.
 pub(super) fn load_actuator(name: &str) -> Result<(Actuator, bool)> {
     let (actuator, assumed) = Parameters::load_sized_actuator(name)?;
@@ -42,6 +61,8 @@ pub(super) struct LawOptions {
     /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
     #[arg(long, value_name = "P")]
     pub(super) params: String,
+    #[command(flatten)]
+    temperature: AtTemperature,
     /// Steps per second.
     #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
     pub(super) rate: f64,
@@ -53,7 +74,7 @@ pub(super) struct LawOptions {
 impl LawOptions {
     /// The parameters, stepped by the method.
     pub(super) fn parameters(&self) -> Result<Parameters> {
-        Ok(load(&self.params)?.with_method(self.method))
+        Ok(self.temperature.load(&self.params)?.with_method(self.method))
     }
 }
 

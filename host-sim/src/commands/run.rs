@@ -6,7 +6,7 @@ use std::time::Instant;
 use clap::Args;
 use serde::Serialize;
 
-use super::options;
+use super::options::AtTemperature;
 use super::recordings::RecordingOptions;
 use crate::error::{Error, Result, shown};
 use crate::files::journal::{Journal, Recovered};
@@ -30,6 +30,8 @@ pub(super) struct Arguments {
     /// Parameter file (TOML), or preset:NAME such as preset:table3-n2. The limits of its table board hold.
     #[arg(long, value_name = "P")]
     params: String,
+    #[command(flatten)]
+    temperature: AtTemperature,
     /// Reference to follow: time_s, displacement_m.
     #[arg(long, value_name = "REF.csv")]
     reference: PathBuf,
@@ -67,7 +69,7 @@ struct Report {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     // Everything that can be refused is refused before the port is opened.
     let supply = Supply::load(&arguments.supply)?;
-    let parameters = options::load(&arguments.params)?;
+    let parameters = arguments.temperature.load(&arguments.params)?;
     let (reference, grid) = arguments.reading.reference(&arguments.reference, REFERENCE_HZ)?;
     let inputs = [arguments.reference.as_path(), arguments.params.as_ref()];
     output::check(&arguments.log, &inputs, Folders::Exist)?;

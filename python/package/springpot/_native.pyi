@@ -97,6 +97,8 @@ class Model:
     def creep_compliance(self, time_s: float) -> float: ...
     @overload
     def creep_compliance(self, time_s: _Series) -> _Array: ...
+    reference_c: Final[float | None]
+    def at_temperature(self, temperature_c: float) -> Model: ...
     def __reduce__(self) -> tuple[Any, tuple[str, str]]: ...
 
 @final
@@ -147,6 +149,7 @@ class Recording:
         force_n: _Series | None = None,
         displacement_m: _Series | None = None,
         weight: _Series | None = None,
+        temperature_c: _Series | None = None,
         name: str = "recording",
     ) -> Recording: ...
     time_s: Final[_Array]
@@ -155,6 +158,7 @@ class Recording:
     force_n: Final[_Array | Any]
     displacement_m: Final[_Array | Any]
     weight: Final[_Array | Any]
+    temperature_c: Final[_Array | Any]
     path: Final[str]
     duration_s: Final[float]
     understood: Final[str | None]

@@ -3,7 +3,9 @@
 mod element;
 mod maxwell;
 mod presets;
+mod temperature;
 
 pub use element::Springpot;
 pub use maxwell::{Chain, Maxwell, Topology};
 pub use presets::Preset;
+pub use temperature::TemperatureDependence;

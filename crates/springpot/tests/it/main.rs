@@ -28,4 +28,5 @@ mod series;
 mod single_precision;
 mod state_names;
 mod support;
+mod temperature;
 mod two_curves;

@@ -5,8 +5,10 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use springpot::TemperatureDependence;
+
 use crate::choice;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, short};
 use crate::files::digest;
 use crate::files::import::{Hints, Names, Quantity, Series, Understood, UnderstoodColumn};
 use crate::files::layout::Layout;
@@ -26,6 +28,7 @@ pub struct Recording {
     force_n: Option<Column>,
     displacement_m: Option<Column>,
     weight: Option<Column>,
+    temperature_c: Option<Column>,
     /// Interpretation of its file.
     understood: Understood,
 }
@@ -55,16 +58,18 @@ choice! {
 const VOLTAGE: &Names = &[("voltage_v", "V"), ("voltage_kv", "kV")];
 const FORCE: &Names = &[("force_n", "N")];
 const WEIGHT: &Names = &[("weight", "")];
+const TEMPERATURE: &Names = &[("temperature_c", "")];
 const DISPLACEMENT: &Names = &[("displacement_m", "m"), ("displacement_mm", "mm"), ("displacement_um", "µm")];
 
 /// Columns of a recording: a voltage or a force.
-const RECORDING: Layout<4> = Layout {
+const RECORDING: Layout<5> = Layout {
     what: "a CSV recording",
     columns: [
         (Quantity::Voltage, VOLTAGE),
         (Quantity::Force, FORCE),
         (Quantity::Displacement, DISPLACEMENT),
         (Quantity::Weight, WEIGHT),
+        (Quantity::Temperature, TEMPERATURE),
     ],
     needed: &[&[Quantity::Voltage, Quantity::Force]],
 };
@@ -130,13 +135,14 @@ impl Recording {
             return Err(fault(cause));
         }
         let start_s = time_s[0];
-        let mut found = [const { None }; 4];
+        let mut found = [const { None }; 5];
         for (quantity, values) in columns {
             let (slot, name) = match quantity {
                 Quantity::Voltage => (0, VOLTAGE[0].0),
                 Quantity::Force => (1, FORCE[0].0),
                 Quantity::Displacement => (2, DISPLACEMENT[0].0),
                 Quantity::Weight => (3, WEIGHT[0].0),
+                Quantity::Temperature => (4, TEMPERATURE[0].0),
                 Quantity::Time => return Err(fault("two columns of times".into())),
                 Quantity::Command | Quantity::Stretch | Quantity::Stress => {
                     return Err(fault(format!("a {} is in no recording", quantity.name())));
@@ -164,7 +170,7 @@ impl Recording {
         self.is_file.then(|| digest::sha256(&self.path)).transpose()
     }
 
-    fn new(path: &Path, table: Table<4>, understood: Understood) -> Self {
+    fn new(path: &Path, table: Table<5>, understood: Understood) -> Self {
         let Table { mut time_s, start_s, columns } = table;
         // A voltage drives; without one, force or displacement may.
         let inputs = if columns[0].is_some() { &columns[..1] } else { &columns[..3] };
@@ -173,8 +179,18 @@ impl Recording {
         if held && start_s > 0.0 && start_s <= MAX_LEAD * duration_s {
             time_s.iter_mut().for_each(|t| *t += start_s);
         }
-        let [voltage_v, force_n, displacement_m, weight] = columns;
-        Self { path: path.into(), is_file: true, time_s, voltage_v, force_n, displacement_m, weight, understood }
+        let [voltage_v, force_n, displacement_m, weight, temperature_c] = columns;
+        Self {
+            path: path.into(),
+            is_file: true,
+            time_s,
+            voltage_v,
+            force_n,
+            displacement_m,
+            weight,
+            temperature_c,
+            understood,
+        }
     }
 
     /// Reads a reference at `path`, of which a person says `hints`: displacement over time, no voltage needed.
@@ -188,6 +204,7 @@ impl Recording {
             force_n: None,
             displacement_m,
             weight: None,
+            temperature_c: None,
             understood,
         })
     }
@@ -199,6 +216,7 @@ impl Recording {
             (Quantity::Force, self.force_n),
             (Quantity::Displacement, self.displacement_m),
             (Quantity::Weight, self.weight),
+            (Quantity::Temperature, self.temperature_c),
         ];
         let columns = columns.into_iter().filter_map(|(quantity, column)| Some((quantity, column?))).collect();
         Series { clock_s: self.time_s, columns, understood: self.understood }
@@ -231,6 +249,7 @@ impl Recording {
             ("force_n", &self.force_n),
             ("displacement_m", &self.displacement_m),
             ("weight", &self.weight),
+            ("temperature_c", &self.temperature_c),
         ];
         let values = |column: &Column| column.cells().iter().map(|cell| cell.unwrap_or(f64::NAN)).collect();
         columns.into_iter().filter_map(|(name, column)| Some((name, values(column.as_ref()?)))).collect()
@@ -292,6 +311,26 @@ impl Recording {
     /// Weights of the squared residuals in a fit, where there is a column of them; an empty cell counts 1.
     pub fn weights(&self) -> Option<Samples> {
         self.weight.as_ref().map(|column| self.present(column))
+    }
+
+    /// Temperatures of the film, °C, where there is a column of them.
+    pub fn temperature_c(&self) -> Option<Samples> {
+        self.temperature_c.as_ref().map(|column| self.present(column))
+    }
+
+    /// Their mean, °C.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] for temperatures that no film has.
+    pub fn mean_temperature_c(&self) -> Result<Option<f64>> {
+        let Some(Samples { value, .. }) = self.temperature_c() else { return Ok(None) };
+        for &temperature_c in &value {
+            TemperatureDependence::none(temperature_c)
+                .check()
+                .map_err(|error| Error::file(&self.path, format!("temperature_c: {}", short(&error))))?;
+        }
+        Ok(Some(value.iter().sum::<f64>() / value.len() as f64))
     }
 
     fn no_displacement(&self) -> Error {

@@ -10,5 +10,6 @@ mod other_files;
 mod refused_recordings;
 mod sealed_records;
 mod spring_in_series;
+mod temperature;
 mod written_files;
 mod wrong_readings;

@@ -105,8 +105,9 @@ fn of_faults(recordings: &[Recording], facts: &[Facts], findings: &mut Vec<Findi
     let fastest_hz = facts.iter().filter_map(|facts| facts.drive.frequencies_hz.last().copied()).fold(0.0, f64::max);
     let is_comparable =
         |recording: &&Recording| facts.iter().any(|row| row.is_comparable && row.file == shown(recording.path()));
-    let courses = recordings.iter().filter(is_comparable).filter_map(course).collect();
-    for fault in faults::faults(courses, fastest_hz) {
+    let comparable: Vec<&Recording> = recordings.iter().filter(is_comparable).collect();
+    let temperature_c = |recording: &&Recording| recording.mean_temperature_c().ok()?;
+    for fault in faults::faults_at_temperatures(&comparable, temperature_c, |recording| course(recording), fastest_hz) {
         let severity = if fault.size > faults::SERIOUS { Severity::Prevents } else { Severity::Weakens };
         findings.push(Finding { severity, file: fault.file, finding: fault.finding, advice: fault.advice.into() });
     }

@@ -199,6 +199,27 @@ impl Elastic {
         Rising::from_spring(spring).map_or_else(|| Self::Held(Box::new(spring.clone())), Self::Rising)
     }
 
+    /// The same with `factor` times the force.
+    ///
+    /// # Errors
+    ///
+    /// [`CurveError`] for a factor that leaves no spring.
+    pub fn scaled(&self, factor: f64) -> Result<Self, CurveError> {
+        Ok(match self {
+            Self::Rising(rising) => Self::Rising(Rising {
+                ln_stiffness: rising.ln_stiffness + factor.ln(),
+                largest_n: factor * rising.largest_n,
+                ..*rising
+            }),
+            Self::Held(spring) => Self::Held(Box::new(spring.scaled(factor)?)),
+            Self::Free { knots_m, shares, stiffness_n_per_m } => Self::Free {
+                knots_m: knots_m.clone(),
+                shares: shares.clone(),
+                stiffness_n_per_m: factor * stiffness_n_per_m,
+            },
+        })
+    }
+
     /// The number of slopes that a fit changes.
     pub fn slopes(&self) -> usize {
         match self {

@@ -1,8 +1,9 @@
 //! The candidate that a fit changes: the elements of the model, its elastic curve, and quantities of the actuator and the sensor.
 
+use std::borrow::Cow;
 use std::fmt;
 
-use springpot::{Actuator, Curve, CurveError, Maxwell, ModelError, Spring, Springpot, Topology};
+use springpot::{Actuator, Curve, CurveError, Maxwell, ModelError, Spring, Springpot, TemperatureDependence, Topology};
 
 use super::bend::{Bend, Elastic};
 use crate::files::parameters::{DisplacementSensor, MAX_SENSOR_DELAY_S};
@@ -24,6 +25,8 @@ pub struct Candidate {
     pub bend: Bend,
     /// The spring beside the memory; without a curve it is in series.
     pub spring: Option<Elastic>,
+    /// How the temperature changes it, if that is known or fitted.
+    pub temperature: Option<TemperatureDependence>,
 }
 
 /// The curves of a film.
@@ -38,7 +41,30 @@ pub struct Curves {
 impl Candidate {
     /// A linear film whose sensor has neither offset nor delay.
     pub fn linear(actuator: Actuator, elements: Vec<Springpot>, topology: Topology) -> Self {
-        Self { actuator, elements, topology, offset_m: 0.0, delay_s: 0.0, bend: Bend::Straight, spring: None }
+        Self {
+            actuator,
+            elements,
+            topology,
+            offset_m: 0.0,
+            delay_s: 0.0,
+            bend: Bend::Straight,
+            spring: None,
+            temperature: None,
+        }
+    }
+
+    /// The film at a temperature, °C: as it is where none is given, or nothing is known of it; none where its dependence does not reach so far.
+    pub fn at(&self, temperature_c: Option<f64>) -> Option<Cow<'_, Self>> {
+        let (Some(dependence), Some(temperature_c)) = (self.temperature, temperature_c) else {
+            return Some(Cow::Borrowed(self));
+        };
+        dependence.check_at(temperature_c).ok()?;
+        let stiffness = dependence.stiffness_factor(temperature_c);
+        Some(Cow::Owned(Self {
+            elements: self.elements.iter().map(|&element| dependence.springpot_at(element, temperature_c)).collect(),
+            spring: self.spring.as_ref().map(|spring| spring.scaled(stiffness)).transpose().ok()?,
+            ..self.clone()
+        }))
     }
 
     /// Number of branches, of two springpots each.
@@ -175,6 +201,10 @@ pub enum Variable {
     Thickness,
     /// ln of the mass (kg), weight and inertia.
     Mass,
+    /// Change of the stiffness with each K, as a share.
+    StiffnessSlope,
+    /// Activation energy of relaxation and creep, kJ/mol.
+    Activation,
 }
 
 impl Variable {
@@ -204,6 +234,8 @@ impl Variable {
             Self::Width => actuator.width_m.ln(),
             Self::Thickness => actuator.thickness_m.ln(),
             Self::Mass => actuator.mass_kg.ln(),
+            Self::StiffnessSlope => candidate.temperature.map_or(0.0, |dependence| dependence.stiffness_per_k),
+            Self::Activation => candidate.temperature.map_or(0.0, |dependence| dependence.activation_kj_per_mol),
             // Of the curve, above.
             _ => 0.0,
         }
@@ -237,6 +269,12 @@ impl Variable {
             Self::Width => actuator.width_m = value.exp(),
             Self::Thickness => actuator.thickness_m = value.exp(),
             Self::Mass => actuator.mass_kg = value.exp(),
+            Self::StiffnessSlope => {
+                candidate.temperature.iter_mut().for_each(|dependence| dependence.stiffness_per_k = value);
+            }
+            Self::Activation => {
+                candidate.temperature.iter_mut().for_each(|dependence| dependence.activation_kj_per_mol = value);
+            }
             // Of the curve, above.
             _ => {}
         }
@@ -245,6 +283,11 @@ impl Variable {
     /// Whether it is of an element.
     pub fn is_of_memory(self) -> bool {
         matches!(self, Self::Coefficient(_) | Self::Order(_))
+    }
+
+    /// Whether it is of how the temperature changes the film.
+    pub fn is_of_temperature(self) -> bool {
+        matches!(self, Self::StiffnessSlope | Self::Activation)
     }
 
     /// Whether it is of a curve.
@@ -301,7 +344,14 @@ impl Variable {
     pub fn natural(self, candidate: &Candidate) -> f64 {
         let value = self.get(candidate);
         match self {
-            Self::Order(_) | Self::StretchCoupling | Self::Offset | Self::Delay | Self::Share | Self::Exponent => value,
+            Self::Order(_)
+            | Self::StretchCoupling
+            | Self::Offset
+            | Self::Delay
+            | Self::Share
+            | Self::Exponent
+            | Self::StiffnessSlope
+            | Self::Activation => value,
             Self::Steepness(_) => match &candidate.spring {
                 Some(Elastic::Free { stiffness_n_per_m, .. }) => value * stiffness_n_per_m,
                 _ => value,
@@ -337,6 +387,8 @@ impl Variable {
             Self::Permittivity => decades(-6, 6),
             Self::Length | Self::Width | Self::Thickness => decades(-9, 3),
             Self::Mass => decades(-6, 6),
+            Self::StiffnessSlope => (-0.1, 0.1),
+            Self::Activation => (-1000.0, 1000.0),
         }
     }
 
@@ -393,6 +445,8 @@ impl fmt::Display for Variable {
             Self::Width => f.write_str("width_m"),
             Self::Thickness => f.write_str("thickness_m"),
             Self::Mass => f.write_str("mass_kg"),
+            Self::StiffnessSlope => f.write_str("stiffness_per_k"),
+            Self::Activation => f.write_str("activation_kj_per_mol"),
         }
     }
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 use springpot::{Actuator, Maxwell, Springpot, Topology};
 
 use super::candidate::Candidate;
-use super::observation::{Excitation, Observation};
+use super::observation::{Excitation, MIN_SPAN_K, Observation, temperatures_c};
 use super::preparation::{Severity, Warning};
 use super::selection::{StructureRow, has_one_amplitude};
 use super::settings::Settings;
@@ -29,6 +29,23 @@ pub fn of_sizes(settings: &Settings, excitation: Excitation, warnings: &mut Vec<
             1e6 * thickness_m
         )));
     }
+}
+
+/// Temperatures whose effect was not fitted.
+pub fn of_temperatures(observations: &[Observation], candidate: &Candidate, warnings: &mut Vec<Warning>) {
+    let Some((low, high)) = temperatures_c(observations).filter(|_| candidate.temperature.is_none()) else { return };
+    let text = if high - low < MIN_SPAN_K {
+        format!(
+            "recorded at {:.1} °C: what another temperature changes is not known; recordings at two temperatures at least {MIN_SPAN_K} K apart show it",
+            0.5 * (low + high)
+        )
+    } else {
+        format!(
+            "recorded at {low:.1} to {high:.1} °C, and pattern search fits no dependence on the temperature: use `method` lm"
+        )
+    };
+    let severity = if high - low < MIN_SPAN_K { Severity::Note } else { Severity::Serious };
+    warnings.push(severity.warning(text));
 }
 
 /// Inputs that do not vary.

@@ -103,7 +103,7 @@ fn lagging(candidate: &Candidate, delay_s: f64) -> Option<Candidate> {
 
 /// The shortest delay (s) that the thinned recordings show.
 fn shortest_s(context: &Context<'_>) -> f64 {
-    let steps_s = context.coarse.steps_s().iter().copied().fold(0.0, f64::max);
+    let steps_s = context.coarse.steps_s().fold(0.0, f64::max);
     (MIN_INTERVALS * context.scales.step_s).max(MIN_STEPS * steps_s)
 }
 

@@ -7,12 +7,12 @@
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use rayon::prelude::*;
-use springpot::{Actuator, Topology};
+use springpot::{Actuator, TemperatureDependence, Topology};
 
 use super::candidate::{Candidate, Variable};
 use super::objective::{Evaluation, Objective};
 use super::observation::{self, Excitation, Observation};
-use super::settings::Settings;
+use super::settings::{Method, Settings};
 use super::starts::{self, Scales};
 use super::statistics::{self, Huber, Loss, Weights, range};
 use crate::error::{Error, Result};
@@ -39,6 +39,7 @@ pub struct PreparedObservations {
     fine: Objective,
     scales: Scales,
     excitation: Excitation,
+    temperature: Option<TemperatureDependence>,
     evaluations: AtomicUsize,
 }
 
@@ -52,6 +53,7 @@ impl PreparedObservations {
             fine: Objective::new(observations, actuator.preload)?,
             scales: Scales::new(observations, actuator.force_per_square_volt()),
             excitation: Excitation::new(observations),
+            temperature: observation::unknown_dependence(observations),
             evaluations: AtomicUsize::new(0),
         })
     }
@@ -60,13 +62,17 @@ impl PreparedObservations {
     /// `stop` is set.
     pub fn context<'a>(&'a self, settings: &Settings, stop: &'a AtomicBool) -> Context<'a> {
         let identified = |variable: &Variable| self.excitation.identifies(*variable);
+        let is_searched = settings.method == Method::Lm;
+        let of_temperature = [Variable::StiffnessSlope, Variable::Activation].into_iter();
+        let of_temperature = of_temperature.filter(|variable| is_searched && !settings.held.contains(variable));
         Context {
             scout: self.scout.as_ref(),
             coarse: &self.coarse,
             fine: &self.fine,
             actuator: settings.actuator,
             delay_s: settings.sensor_delay_s.or(settings.start.as_ref().map(|start| start.delay_s)).unwrap_or(0.0),
-            freed: settings.freed.iter().copied().filter(identified).collect(),
+            temperature: settings.start.as_ref().and_then(|start| start.temperature).or(self.temperature),
+            freed: settings.freed.iter().copied().chain(of_temperature).filter(identified).collect(),
             held: settings.held.clone(),
             loss: settings.loss,
             scales: self.scales,
@@ -111,6 +117,8 @@ pub struct Context<'a> {
     pub actuator: Actuator,
     /// The sensor's delay at the start, s.
     pub delay_s: f64,
+    /// How the temperature changes the film at the start.
+    pub temperature: Option<TemperatureDependence>,
     /// Quantities of the actuator and the sensor that are fitted besides the elements.
     pub freed: Vec<Variable>,
     /// Variables that are not fitted.
@@ -170,7 +178,7 @@ impl Context<'_> {
     /// Half as many random starts of a structure as usual.
     pub fn linear_starts(&self, topology: Topology, branches: usize) -> Vec<Candidate> {
         let start = |index| starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
-        (0..self.starts.div_ceil(2)).map(start).map(|start| self.with_sensor(start)).collect()
+        (0..self.starts.div_ceil(2)).map(|index| self.on_the_bench(start(index), index)).collect()
     }
 
     /// The same with a delay of the sensor among what is fitted, from `delay_s` on.
@@ -179,10 +187,14 @@ impl Context<'_> {
         Self { delay_s, freed, ..self.clone() }
     }
 
-    /// `start` with the sensor's delay, and the offset that fits it best, if that is fitted: the search is then the same wherever the sensor
-    /// was zeroed.
-    fn with_sensor(&self, start: Candidate) -> Candidate {
-        let start = Candidate { delay_s: self.delay_s, ..start };
+    /// The `index`-th `start` with the sensor's delay, and the offset that fits it best, if that is fitted: the search is then the same wherever the sensor
+    /// was zeroed. Where an activation energy is fitted it is one of those of films: recordings at one temperature each look like other branches.
+    fn on_the_bench(&self, start: Candidate, index: usize) -> Candidate {
+        const ACTIVATIONS: [f64; 4] = [0.0, 60.0, 30.0, 90.0];
+        let mut start = Candidate { delay_s: self.delay_s, temperature: self.temperature, ..start };
+        if self.freed.contains(&Variable::Activation) {
+            Variable::Activation.set(&mut start, ACTIVATIONS[index % ACTIVATIONS.len()]);
+        }
         if !self.freed.contains(&Variable::Offset) {
             return start;
         }
@@ -215,7 +227,7 @@ impl Context<'_> {
             if self.freed.contains(&Variable::StretchCoupling) && start.actuator.stretch_coupling == 0.0 {
                 start.actuator.stretch_coupling = self.scales.coupling;
             }
-            self.with_sensor(start)
+            self.on_the_bench(start, index)
         });
         let starts: Vec<Candidate> = grown.iter().cloned().chain(random).collect();
         self.explored_from(&starts, &self.variables(branches))
@@ -319,7 +331,7 @@ impl Context<'_> {
     ///
     /// [`Error::Computation`] if `start` has no response.
     pub fn refined(&self, start: &Candidate, topology: Topology) -> Result<Found> {
-        let start = Candidate { topology, delay_s: self.delay_s, ..start.clone() };
+        let start = Candidate { topology, delay_s: self.delay_s, temperature: self.temperature, ..start.clone() };
         self.descend(self.fine, &start, StoppingCriteria { iterations: 100, decrease: 1e-9 })
             .ok_or_else(|| Error::Computation("the given start has no response to these recordings".into()))
     }
@@ -430,6 +442,9 @@ impl Problem for Descent<'_> {
             Variable::StretchCoupling | Variable::Offset | Variable::Saturation => f64::INFINITY,
             // In s: beyond a part of a period the error has other minima.
             Variable::Delay => 0.05,
+            // In 1/K and kJ/mol.
+            Variable::StiffnessSlope => 0.02,
+            Variable::Activation => 50.0,
             // A curve changes its meaning beyond a factor of e in a step.
             Variable::Slope(_) | Variable::FreeLength | Variable::Limit => 1.0,
             _ => least_squares::MAX_STEP,

@@ -138,7 +138,7 @@ impl Found {
             let thinner = observation.rate_hz / observation::thinned(observation).rate_hz;
             Course::from_observation(observation, if is_long { thinner.round() as usize } else { 1 })
         };
-        let mut faults = faults(observations.iter().filter_map(course).collect(), fastest_hz);
+        let mut faults = faults_at_temperatures(observations, |o| o.temperature_c, course, fastest_hz);
         faults.retain(|fault| fault.effect != Effect::Offset || !observations.iter().all(|o| o.reading.own_offset));
         Self(faults)
     }
@@ -193,8 +193,34 @@ impl Found {
     }
 }
 
+/// The causes of what no film explains in the courses of `recordings`, in groups at the same temperature (°C), between which a film is another one. A
+/// lag is compared between cycles of all, which such groups do not have.
+pub(crate) fn faults_at_temperatures<R>(
+    recordings: &[R],
+    temperature_c: impl Fn(&R) -> Option<f64>,
+    course: impl Fn(&R) -> Option<Course>,
+    fastest_hz: f64,
+) -> Vec<Fault> {
+    let mut groups: Vec<(Option<f64>, Vec<&R>)> = Vec::new();
+    for recording in recordings {
+        let own = temperature_c(recording);
+        let is_near = |other: Option<f64>| match (own, other) {
+            (Some(own), Some(other)) => (own - other).abs() < observation::MIN_SPAN_K,
+            _ => true,
+        };
+        match groups.iter_mut().find(|(other, _)| is_near(*other)) {
+            Some((_, group)) => group.push(recording),
+            None => groups.push((own, vec![recording])),
+        }
+    }
+    let is_one = groups.len() < 2;
+    let found =
+        groups.into_iter().flat_map(|(_, group)| faults(group.into_iter().filter_map(&course).collect(), fastest_hz));
+    found.filter(|fault| is_one || !matches!(fault.effect, Effect::Lag(_))).collect()
+}
+
 /// The causes of what no film explains in `courses`, largest first.
-pub(crate) fn faults(courses: Vec<Course>, fastest_hz: f64) -> Vec<Fault> {
+fn faults(courses: Vec<Course>, fastest_hz: f64) -> Vec<Fault> {
     let Some(blocks) = Blocks::new(courses) else { return Vec::new() };
     let drives: Vec<Vec<f64>> = blocks.courses.iter().map(|course| course.drive.clone()).collect();
     let mut state = State { basis: blocks.film(&drives), blocks, drives, added: Vec::new(), is_shifted: false };

@@ -47,7 +47,7 @@ use checks::Misfit;
 use descent::{Context, Found, PreparedObservations};
 use host_io::choice::Choice;
 pub use observation::ReadingFit;
-use observation::{Observation, Reading};
+use observation::{Excitation, Observation, Reading};
 pub use options::FitOptions;
 pub use preparation::{Severity, Warning};
 pub use report::FitReport;
@@ -115,7 +115,8 @@ pub fn fit(
     let faults = faults::Found::new(observations);
     // Zeros are solved by least squares.
     let is_solved = settings.method == Method::Lm && settings.loss == Loss::Square;
-    let observations = &with_zeros(observations, if is_solved { faults.reading() } else { Reading::default() });
+    let observations = with_zeros(observations, if is_solved { faults.reading() } else { Reading::default() });
+    let observations = &with_temperatures(observations, settings, is_solved)?;
     let prepared = PreparedObservations::new(observations, &settings.actuator)?;
     let mut context = prepared.context(settings, stop);
     if observations.iter().all(|observation| observation.reading.own_offset) {
@@ -166,6 +167,36 @@ fn with_zeros(observations: &[Observation], reading: Reading) -> Vec<Observation
         Observation { reading, ..observation.clone() }
     };
     observations.iter().map(with).collect()
+}
+
+/// `observations` at one temperature where neither recordings nor a start show what others do. A film rests elsewhere at another one, so each has a zero
+/// of its own.
+///
+/// # Errors
+///
+/// [`Error::Field`] where only some of the recordings that differ have a temperature.
+fn with_temperatures(
+    mut observations: Vec<Observation>,
+    settings: &Settings,
+    is_solved: bool,
+) -> Result<Vec<Observation>> {
+    let differ = Excitation::new(&observations).temperatures && settings.method == Method::Lm;
+    if let Some(without) = observations.iter().find(|o| differ && o.temperature_c.is_none()) {
+        let cause = format!(
+            "{} has no column temperature_c, and the others are at temperatures that differ: add the column, or leave the recording out",
+            without.name
+        );
+        return Err(Error::Computation(cause));
+    }
+    let is_known = settings.start.as_ref().is_some_and(|start| start.temperature.is_some());
+    let near = observation::temperatures_c(&observations).filter(|(low, high)| high - low < observation::MIN_SPAN_K);
+    for observation in &mut observations {
+        if let Some((low, high)) = near.filter(|_| !is_known) {
+            observation.temperature_c = observation.temperature_c.map(|_| 0.5 * (low + high));
+        }
+        observation.reading.own_offset |= differ && is_solved && !matches!(observation.input, Input::Displacement(_));
+    }
+    Ok(observations)
 }
 
 /// Description of the first recording that repeats another: no second measurement, with which intervals would be too narrow and left-out
@@ -236,6 +267,7 @@ impl Fit {
         if settings.sensor_delay_s.is_none() && candidate.delay_s != 0.0 {
             checks::of_delay(&candidate, uncertainty.as_ref(), &mut warnings);
         }
+        checks::of_temperatures(observations, &candidate, &mut warnings);
         checks::of_structures(&structures, &mut warnings);
         checks::of_order(&candidate, &mut warnings);
         checks::of_amplitudes(observations, &candidate, &mut warnings);
@@ -290,6 +322,7 @@ impl Fit {
                 .map(Elastic::spring)
                 .transpose()
                 .map_err(springpot::LawError::from)?,
+            temperature: self.candidate.temperature,
             method: springpot::Discretisation::Gl,
             name: format!("fit to {}", names.join(", ")),
             actuator: self.candidate.actuator,
@@ -309,6 +342,7 @@ impl Fit {
                 spring,
                 actuator: refit.actuator,
                 model: refit.model().ok()?,
+                temperature: refit.temperature,
                 ..parameters.clone()
             };
             Some(Refit::new(&film))
@@ -386,6 +420,7 @@ fn recorded(observations: &[Observation], modelled: &[Vec<f64>], candidate: &Can
         misfit_m: 0.0,
         fault_m: 0.0,
         lag_s: 0.0,
+        temperature_c: observation::temperatures_c(observations).map(|(low, high)| [low, high]),
         refits: Vec::new(),
     };
     for (observation, modelled) in observations.iter().zip(modelled) {

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use springpot::TemperatureDependence;
+
 use super::candidate::Variable;
 use super::preparation::{
     Gaps, MIN_VALUES, Preparation, Severity, Warning, Window, between_steps, gap, measured_quantity, sample_weights,
@@ -29,6 +31,8 @@ pub struct Observation {
     pub sample_weights: Vec<f64>,
     /// How its readings may differ from those of the other recordings.
     pub reading: Reading,
+    /// Mean temperature of the film, °C, if it was recorded.
+    pub temperature_c: Option<f64>,
 }
 
 /// Zero and gain that a recording has for itself: solved with the model's response, linearly, in every evaluation.
@@ -104,6 +108,7 @@ pub fn observe_prepared(
     let (rate_hz, uneven) = rate(&steps, median_step_s, drive);
     let rate_hz = rate_hz * steps_per_row(&load(&input), 1.0 / rate_hz, drive);
     let gap = if preparation.gaps == Gaps::Interpolate { gap(&steps, median_step_s, drive) } else { skipped };
+    let (temperature_c, varies) = temperature(recording)?;
     let of = |severity: Severity| move |text: String| (severity, text);
     let warnings = gap
         .into_iter()
@@ -112,11 +117,12 @@ pub fn observe_prepared(
         .map(of(Severity::Caution))
         .chain(uneven.map(of(Severity::Note)))
         .chain(between_steps(drive, rate_hz).map(of(Severity::Caution)))
+        .chain(varies.map(of(Severity::Caution)))
         .chain(turned(&input, &measured).map(of(Severity::Serious)));
     let warnings = warnings.map(|(severity, text)| severity.warning(format!("{name}: {text}"))).collect();
     let sample_weights = sample_weights(recording, &measured, preparation.log_time)?;
     let reading = Reading::default();
-    Ok((Observation { name, input, measured, rate_hz, weight, sample_weights, reading }, warnings))
+    Ok((Observation { name, input, measured, rate_hz, weight, sample_weights, reading, temperature_c }, warnings))
 }
 
 /// The observations of all `recordings` with weight 1, without the warnings.
@@ -281,6 +287,19 @@ pub fn beginning(observation: &Observation, steps: usize) -> Observation {
     Observation { input: observation.input.map(kept), measured, sample_weights, ..observation.clone() }
 }
 
+/// The mean temperature of `recording`, °C, and a warning where it varies.
+fn temperature(recording: &Recording) -> Result<(Option<f64>, Option<String>)> {
+    /// Range of temperatures, K, over which a film is as good as the same.
+    const SAME_K: f64 = 2.0;
+    let Some(temperature_c) = recording.mean_temperature_c()? else { return Ok((None, None)) };
+    let (low, high) = recording.temperature_c().map_or((temperature_c, temperature_c), |of| range(&of.value));
+    let varies = high - low > SAME_K;
+    let warning = varies.then(|| {
+        format!("temperature_c goes from {low:.1} to {high:.1} °C within the recording, whose film is fitted at the mean: keep it within {SAME_K} K")
+    });
+    Ok((Some(temperature_c), warning))
+}
+
 /// The excitation in a set of observations: from it quantities of the actuator and the sensor are identified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Excitation {
@@ -290,6 +309,8 @@ pub struct Excitation {
     pub displacement_fitted: bool,
     /// Whether the size of any input varies by more than 1 %.
     pub varies: bool,
+    /// Whether the recordings are at temperatures that differ.
+    pub temperatures: bool,
 }
 
 impl Excitation {
@@ -305,6 +326,7 @@ impl Excitation {
             voltage_driven: observations.iter().any(|o| matches!(o.input, Input::Voltage(_))),
             displacement_fitted: observations.iter().any(|o| !matches!(o.input, Input::Displacement(_))),
             varies: observations.iter().any(varies),
+            temperatures: temperatures_c(observations).is_some_and(|(low, high)| high - low >= MIN_SPAN_K),
         }
     }
 
@@ -315,10 +337,29 @@ impl Excitation {
             Variable::Offset => self.displacement_fitted,
             Variable::Delay => self.displacement_fitted && self.varies,
             Variable::Mass => true,
+            _ if variable.is_of_temperature() => self.temperatures,
             _ if variable.is_of_curve() => true,
             _ => self.voltage_driven,
         }
     }
+}
+
+/// Difference of temperatures, K, from which their effect is fitted.
+pub(super) const MIN_SPAN_K: f64 = 3.0;
+
+/// Lowest and highest temperature of the observations that have one, °C.
+pub(super) fn temperatures_c(observations: &[Observation]) -> Option<(f64, f64)> {
+    let values: Vec<f64> = observations.iter().filter_map(|observation| observation.temperature_c).collect();
+    (!values.is_empty()).then(|| range(&values))
+}
+
+/// A dependence on the temperature that is not known yet, about the mean of the temperatures; none where these do not differ.
+pub(super) fn unknown_dependence(observations: &[Observation]) -> Option<TemperatureDependence> {
+    /// Digits of the reference, °C.
+    const TENTH: f64 = 10.0;
+    let values: Vec<f64> = observations.iter().filter_map(|observation| observation.temperature_c).collect();
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    Excitation::new(observations).temperatures.then(|| TemperatureDependence::none((TENTH * mean).round() / TENTH))
 }
 
 /// The measured values of one observation with their weights.

@@ -187,6 +187,7 @@ impl FitOptions {
                 Some(_) => Elastic::from_spring,
                 None => Elastic::from_series,
             }),
+            temperature: parameters.temperature,
         });
         // From a given start no random one is needed.
         checked_starts(self.starts.max(usize::from(start.is_some())))?;
@@ -237,6 +238,12 @@ impl FitOptions {
         let mut freed = Settings::default().freed;
         for name in &self.free {
             let variable = bench_quantity(name).ok_or_else(|| unknown("free", name))?;
+            if variable.is_of_temperature() {
+                return Err(Error::field(
+                    "free",
+                    format!("{name} is free where recordings have a temperature_c unless it is held"),
+                ));
+            }
             if variable == Variable::Mass && actuator.mass_kg == 0.0 {
                 return Err(Error::field("free", "mass_kg needs a mass to begin from; give it with `actuator`"));
             }
@@ -353,6 +360,8 @@ fn bench_quantity(name: &str) -> Option<Variable> {
         Variable::Width,
         Variable::Thickness,
         Variable::Mass,
+        Variable::StiffnessSlope,
+        Variable::Activation,
     ]
     .into_iter()
     .find(|variable| variable.to_string() == name)

@@ -6,7 +6,7 @@ use std::path::Path;
 use host_io::choice::Choice;
 use host_io::terminal::rounded;
 use serde::Serialize;
-use springpot::Actuator;
+use springpot::{Actuator, TemperatureDependence};
 
 use super::checks::{self, BranchRow};
 use super::{Fit, StructureRow, Uncertainty, Warning};
@@ -88,6 +88,9 @@ pub struct FilmRow {
     pub sizes_assumed: bool,
     /// The elastic curve: `linear` for none.
     pub curve: String,
+    /// How the temperature changes it, if that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<TemperatureDependence>,
 }
 
 /// Agreement of a fit with a recording.
@@ -156,6 +159,7 @@ impl FitReport {
                 sensor_delay_s: parameters.sensor_delay_s,
                 sizes_assumed: parameters.assumed_sizes,
                 curve: fit.candidate.curve_name(),
+                temperature: parameters.temperature,
             },
             expectation: None,
             made: None,
@@ -203,6 +207,15 @@ impl FitReport {
             self.seconds,
             if self.interrupted { ", interrupted: the best so far" } else { "" }
         );
+        if let Some(dependence) = &self.film.temperature {
+            let warmer_c = dependence.reference_c + 10.0;
+            let (stiffness, time) = (dependence.stiffness_factor(warmer_c), dependence.time_factor(warmer_c));
+            let _ = write!(
+                text,
+                "\nparameters at {:.1} °C; 10 K warmer the film has {stiffness:.3} times the stiffness and {time:.3} times the creep times",
+                dependence.reference_c
+            );
+        }
         for line in self.expectation.iter().flat_map(Expectation::lines) {
             let _ = write!(text, "\n{line}");
         }

@@ -49,8 +49,9 @@ impl<'a> Comparison<'a> {
         options: &RunOptions,
         progress: &dyn Watch,
     ) -> Result<(Response, Agreement)> {
-        let response = simulate::response(parameters, &self.input, self.grid, options, progress)?;
-        let agreement = Agreement::new(&self.measured.value, &self.readings(parameters, &response));
+        let parameters = parameters.along(self.recording)?;
+        let response = simulate::response(&parameters, &self.input, self.grid, options, progress)?;
+        let agreement = Agreement::new(&self.measured.value, &self.readings(&parameters, &response));
         Ok((response, agreement))
     }
 

@@ -6,7 +6,7 @@
 
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
-use springpot::{Curve, Knot, Maxwell, Spring, Springpot};
+use springpot::{Curve, Knot, Maxwell, Spring, Springpot, TemperatureDependence};
 use toml::Value;
 
 use crate::files::parameters::{ElasticCurve, Parameters};
@@ -31,6 +31,8 @@ const SLACK: f64 = 0.02;
 /// Largest error over a fault's size, and over that by a lag: calibrated on films of other kinds with such faults.
 const MAX_FAULT: f64 = 3.0;
 const MAX_LAG: f64 = 1.5;
+/// Temperatures, K, that are as good as the same.
+const SAME_K: f64 = 2.0;
 /// Time after which the error of a reference counts, s.
 const RISE_S: f64 = 2.0;
 
@@ -61,6 +63,9 @@ pub struct Recorded {
     /// Time by which the stroke may lag the drive by such faults, s.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub lag_s: f64,
+    /// Lowest and highest temperature, °C.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature_c: Option<[f64; 2]>,
     /// The film as it is fitted to parts of the recordings, and by structures that describe them as well.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub refits: Vec<Refit>,
@@ -91,6 +96,9 @@ pub struct Refit {
     /// Displacement (m), force (N) and slope (N/m) of the knots of the spring beside the memory; without a curve it is in series.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     spring: Vec<[f64; 3]>,
+    /// How the temperature changes it: the numbers above are those at its reference.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    temperature: Option<TemperatureDependence>,
 }
 
 /// A quantity of a reference.
@@ -105,6 +113,8 @@ pub enum Quantity {
     Speed,
     /// Duration, s.
     Time,
+    /// Temperature, °C.
+    Temperature,
 }
 
 /// A quantity in which a reference exceeds all recordings.
@@ -142,6 +152,9 @@ impl Expectation {
                 1e3 * recorded
             ),
             Quantity::Time => format!("lasts {needed:.0} s, recorded were {recorded:.0} s: record for as long"),
+            Quantity::Temperature => {
+                format!("is at {needed:.1} °C, recorded was {recorded:.1} °C: record at that temperature")
+            }
         };
         let [low, high] = self.feedforward_error_pct;
         let error = format!("expected error {low:.2} to {high:.2} % of peak to peak RMS");
@@ -174,7 +187,8 @@ impl Recorded {
         voltage_v: Vec<f64>,
     ) -> Expectation {
         let largest_v = voltage_v.iter().copied().fold(0.0, f64::max);
-        let (growth, beyond) = self.beyond(reference, grid, largest_v);
+        let temperature_c = parameters.temperature.map(|dependence| dependence.reference_c);
+        let (growth, beyond) = self.beyond(reference, grid, largest_v, temperature_c);
         let from = rise(grid, reference.len());
         let squares = reference.windows(2).skip(from.saturating_sub(1)).map(|pair| (pair[1] - pair[0]).powi(2));
         let speed_m_per_s = (squares.sum::<f64>() / (reference.len() - from) as f64).sqrt() * grid.rate_hz;
@@ -197,8 +211,8 @@ impl Recorded {
     }
 
     /// The quantities in which `reference` (m, on `grid`), which needs `voltage_v` at the most, exceeds the recordings, and by how much the
-    /// error grows with them.
-    fn beyond(&self, reference: &[f64], grid: Grid, voltage_v: f64) -> (f64, Vec<Beyond>) {
+    /// error grows with them, of a film at a temperature (°C).
+    fn beyond(&self, reference: &[f64], grid: Grid, voltage_v: f64, temperature_c: Option<f64>) -> (f64, Vec<Beyond>) {
         let [low, high] = self.stroke_m;
         let end = |of: fn(f64, f64) -> f64, from: f64| reference.iter().copied().fold(from, of);
         let speed = reference.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max) * grid.rate_hz;
@@ -210,11 +224,14 @@ impl Recorded {
             (Quantity::Speed, speed, self.speed_m_per_s, self.speed_m_per_s),
             (Quantity::Time, grid.step_s() * (reference.len() - 1) as f64, self.time_s, self.time_s),
         ];
+        let temperature = self.temperature_c.zip(temperature_c).map(|([low, high], needed)| {
+            (Quantity::Temperature, needed, needed.clamp(low, high), (high - low).max(SAME_K))
+        });
         let mut growth = 1.0;
         let mut beyond = Vec::new();
-        for (quantity, needed, recorded, size) in quantities {
+        for (quantity, needed, recorded, size) in quantities.into_iter().chain(temperature) {
             let share = match quantity {
-                Quantity::Stroke => (needed - recorded).abs(),
+                Quantity::Stroke | Quantity::Temperature => (needed - recorded).abs(),
                 _ => needed - recorded,
             } / size;
             if share > SLACK {
@@ -257,6 +274,7 @@ impl Refit {
             saturation_v: actuator.saturation_v,
             curve: curve.iter().flat_map(|curve| curve.pieces().knots()).map(knot).collect(),
             spring: spring.iter().flat_map(Spring::knots).map(knot).collect(),
+            temperature: parameters.temperature,
         }
     }
 
@@ -275,6 +293,10 @@ impl Refit {
         let curve = knots(&self.curve).map(|knots| Curve::new(&knots)).transpose().ok()?;
         film.curve = curve.map(ElasticCurve::free);
         film.spring = knots(&self.spring).map(|knots| Spring::new(&knots)).transpose().ok()?;
-        Some(film)
+        film.temperature = self.temperature.or(film.temperature);
+        match parameters.temperature {
+            Some(dependence) if self.temperature.is_some() => film.at_temperature(dependence.reference_c).ok(),
+            _ => Some(film),
+        }
     }
 }

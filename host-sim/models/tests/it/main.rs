@@ -39,5 +39,6 @@ mod supply;
 #[allow(dead_code)] // samples of cases are for springpot's own sweeps
 #[path = "../../../../crates/springpot/tests/it/support/sweep.rs"]
 mod sweep;
+mod temperature;
 mod tracking;
 mod two_curves;

@@ -25,6 +25,7 @@ pub(crate) fn observation(name: &str, input: Input, measured: Samples, rate_hz: 
         weight: 1.0,
         sample_weights: Vec::new(),
         reading: Reading::default(),
+        temperature_c: None,
     }
 }
 

@@ -19,7 +19,7 @@ use dea_driver::wire::{Answer, Command, Identity, LearningOrder, Mode};
 use dea_driver::{Blob, BlobHeader};
 use serde::Serialize;
 
-use super::options;
+use super::options::AtTemperature;
 use crate::error::{Error, Result, shown};
 use crate::link::{Client, Port};
 use crate::quantity;
@@ -179,6 +179,9 @@ struct Source {
     /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
     #[arg(long, value_name = "P", conflicts_with = "blob")]
     params: Option<String>,
+    /// Temperature of the film, °C, where it was fitted at several; that of its parameters if left out.
+    #[arg(long, value_name = "C", allow_negative_numbers = true, value_parser = quantity::celsius, conflicts_with = "blob")]
+    temperature: Option<f64>,
     /// A blob that `export` wrote.
     #[arg(long, value_name = "P.bin")]
     blob: Option<PathBuf>,
@@ -289,7 +292,7 @@ impl Source {
         Ok(Some(match (&self.params, &self.blob) {
             (None, None) => return Ok(None),
             (Some(params), _) => {
-                let parameters = options::load(params)?;
+                let parameters = AtTemperature { temperature: self.temperature }.load(params)?;
                 let rate_hz = super::board_rate(self.rate)?;
                 let blob = parameters.blob_to_drive(rate_hz, self.bench);
                 blob.map_err(|e| e.about(params, params.as_ref()))?

@@ -38,6 +38,7 @@ fn comes_back(parameters: &Parameters) {
         model,
         curve,
         spring,
+        temperature,
         sensor_offset_m,
         sensor_delay_s,
         board,
@@ -47,7 +48,7 @@ fn comes_back(parameters: &Parameters) {
     // Of the provenance, free text, the words alone: it may hold NaN, which is unequal to itself.
     assert_eq!((&again.name, &again.actuator, &again.model), (name, actuator, model));
     assert_eq!(&again.curve, curve);
-    assert_eq!(&again.spring, spring);
+    assert_eq!((&again.spring, &again.temperature), (spring, temperature));
     assert_eq!((again.sensor_offset_m, &again.board, again.assumed_sizes), (*sensor_offset_m, board, *assumed_sizes));
     assert_eq!(again.sensor_delay_s, *sensor_delay_s);
     assert!(model.branches().len() <= 5 && sensor_offset_m.is_finite());

@@ -52,6 +52,8 @@ crate::choice! {
         Displacement = "displacement",
         /// Weight of a row in a fit.
         Weight = "weight",
+        /// Temperature of the film.
+        Temperature = "temperature",
         /// High voltage that was asked of an amplifier.
         Command = "command",
         /// Length of a specimen over its original length.
@@ -74,7 +76,7 @@ impl Quantity {
 
     /// Whether it is a number without a unit.
     fn is_bare(self) -> bool {
-        matches!(self, Self::Weight | Self::Stretch)
+        matches!(self, Self::Weight | Self::Temperature | Self::Stretch)
     }
 
     /// The unit of its values here, and one for an example.
@@ -84,7 +86,7 @@ impl Quantity {
             Self::Voltage | Self::Command => ("V", "kV"),
             Self::Force => ("N", "N"),
             Self::Displacement => ("m", "mm"),
-            Self::Weight | Self::Stretch => ("", ""),
+            Self::Weight | Self::Temperature | Self::Stretch => ("", ""),
             Self::Stress => ("Pa", "kPa"),
         }
     }
@@ -108,6 +110,7 @@ impl Quantity {
             Self::Force => "force_n",
             Self::Displacement => "displacement_m (or such as \"Laser (mm)\")",
             Self::Weight => "weight",
+            Self::Temperature => "temperature_c",
             Self::Command => "command_v (or such as \"Command (kV)\")",
             Self::Stretch => "stretch",
             Self::Stress => "nominal_stress_pa (or such as \"Stress (kPa)\")",

@@ -293,6 +293,10 @@ fn quantity(name: &str, request: &Request<'_>) -> Option<Quantity> {
     if name.trim().to_lowercase() == "weight" {
         return Some(Quantity::Weight);
     }
+    // Of the temperatures of a laboratory only this one is the film's.
+    if name.trim() == "temperature_c" {
+        return Some(Quantity::Temperature);
+    }
     if let Some(quantity) = letter_quantity(name) {
         return Some(quantity);
     }

@@ -105,6 +105,6 @@ pub fn usual(quantity: Quantity) -> &'static str {
         Quantity::Force => "N, mN, µN or kN",
         Quantity::Displacement => "m, cm, mm, µm or nm",
         Quantity::Stress => "Pa, kPa or MPa",
-        Quantity::Weight | Quantity::Stretch => "none",
+        Quantity::Weight | Quantity::Temperature | Quantity::Stretch => "none",
     }
 }

@@ -11,11 +11,12 @@ use super::Parameters;
 use super::board::BoardTable;
 use super::curve::CurveTable;
 use super::spring::{self, SpringTable};
+use super::temperature::{self, TemperatureTable};
 use crate::choice::Choice;
 
 /// The versions of the format: the second has elastic curves, saturation, and couplings of either sign, the third a spring and strain measures, the
-/// fourth a spring in series.
-pub(super) const SCHEMAS: [u32; 4] = [1, 2, 3, 4];
+/// fourth a spring in series, the fifth a dependence on the temperature.
+pub(super) const SCHEMAS: [u32; 5] = [1, 2, 3, 4, 5];
 
 /// A parameter file.
 #[derive(Deserialize)]
@@ -29,6 +30,8 @@ pub(super) struct FileTable {
     pub(super) curve: Option<Spanned<CurveTable>>,
     #[serde(default)]
     pub(super) spring: Option<Spanned<SpringTable>>,
+    #[serde(default)]
+    pub(super) temperature: Option<Spanned<TemperatureTable>>,
     #[serde(default)]
     pub(super) sensor: Option<SensorTable>,
     #[serde(default)]
@@ -52,6 +55,8 @@ pub(super) struct ActuatorFileTable {
     _curve: Option<toml::Value>,
     #[serde(default, rename = "spring")]
     _spring: Option<toml::Value>,
+    #[serde(default, rename = "temperature")]
+    _temperature: Option<toml::Value>,
     #[serde(default, rename = "sensor")]
     _sensor: Option<toml::Value>,
     #[serde(default, rename = "board")]
@@ -247,6 +252,9 @@ pub(super) fn write(parameters: &Parameters) -> String {
     }
     if let Some(spring) = &parameters.spring {
         text.push_str(&spring::to_toml(spring, parameters.curve.is_none()));
+    }
+    if let Some(dependence) = &parameters.temperature {
+        text.push_str(&temperature::to_toml(dependence));
     }
     if (parameters.sensor_offset_m, parameters.sensor_delay_s) != (0.0, 0.0) {
         let _ =

@@ -7,6 +7,7 @@ mod film;
 mod format;
 pub mod plausibility;
 mod spring;
+mod temperature;
 
 use std::fs::File;
 use std::io::Read;
@@ -14,7 +15,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
-use springpot::{Actuator, Discretisation, Maxwell, Preset, Spring};
+use springpot::{Actuator, Discretisation, Maxwell, Preset, Spring, TemperatureDependence};
 use toml::Spanned;
 
 use crate::error::{Error, Result, short};
@@ -38,6 +39,8 @@ pub struct Parameters {
     pub curve: Option<ElasticCurve>,
     /// The spring beside the film's memory, whose strain measure then is the curve; without a curve the spring is in series with the memory.
     pub spring: Option<Spring>,
+    /// How the temperature changes it, if that was fitted: the numbers are those at its reference.
+    pub temperature: Option<TemperatureDependence>,
     /// How s is discretised in their laws: not in the file, but chosen with the rate.
     pub method: Discretisation,
     /// Reading of the displacement sensor at x = 0, m; see [`sensor`](Self::sensor).
@@ -107,6 +110,7 @@ impl Parameters {
             model: preset.model()?,
             curve: None,
             spring: None,
+            temperature: None,
             method: Discretisation::Gl,
             sensor_offset_m: 0.0,
             sensor_delay_s: 0.0,
@@ -207,6 +211,7 @@ impl Parameters {
             model,
             curve,
             spring: None,
+            temperature: None,
             method: Discretisation::Gl,
             sensor_offset_m,
             sensor_delay_s,
@@ -221,6 +226,13 @@ impl Parameters {
             parameters.film().compressed_law::<f64>(1000.0).map_err(|e| refused(short(&e)))?;
         } else if schema < parameters.schema() {
             return Err(place.error(file.schema.span(), "a curve of elastic = \"measure\" needs schema = 3".into()));
+        }
+        if let Some(table) = &file.temperature {
+            let refused = |cause: String| place.error(table.span(), format!("[temperature] {cause}"));
+            if schema < 5 {
+                return Err(refused("needs schema = 5".into()));
+            }
+            parameters.temperature = Some(table.get_ref().dependence().map_err(refused)?);
         }
         if let Some(table) = &file.board {
             let board = table.get_ref().board(parameters.bench(1000.0));
@@ -254,6 +266,7 @@ impl Parameters {
     fn schema(&self) -> u32 {
         let has_new = self.actuator.saturation_v.is_some() || self.actuator.stretch_coupling < 0.0;
         match (self.curve.as_ref().map(ElasticCurve::shape), &self.spring) {
+            _ if self.temperature.is_some() => 5,
             (None, Some(_)) => 4,
             (Some(_), Some(_)) | (Some(Shape::Measure(_)), None) => 3,
             (Some(_), None) => 2,

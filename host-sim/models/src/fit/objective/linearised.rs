@@ -2,13 +2,14 @@
 
 use num_complex::Complex;
 use rayon::prelude::*;
-use springpot::{Coefficients, Curve, Discretisation, Law};
+use springpot::{Coefficients, Curve, Discretisation, Law, Springpot};
 
+use super::super::bend::Elastic;
 use super::super::candidate::{Candidate, Curves, Variable};
 use super::super::observation::ReadingFit;
 use super::super::transfer::{FAST, HEAD, Nodes, Recursion, Spectrum, Transfer};
 use super::series::Near;
-use super::{DriveSpectra, Evaluation, Objective, Record, product, stretched};
+use super::{DriveSpectra, Evaluation, Film, Objective, Record, product, stretched};
 use crate::replay::full_memory::FullMemory;
 
 /// Change of a curve's variable by which its derivatives are taken.
@@ -34,6 +35,29 @@ struct Change {
     moved: Option<Vec<f64>>,
 }
 
+impl Change {
+    fn times(self, share: f64) -> Self {
+        let times = |mut series: Vec<f64>| {
+            if share != 1.0 {
+                series.iter_mut().for_each(|value| *value *= share);
+            }
+            series
+        };
+        Self { force: self.force.map(times), moved: self.moved.map(times) }
+    }
+
+    fn plus(self, other: Self) -> Self {
+        let plus = |one: Option<Vec<f64>>, other: Option<Vec<f64>>| match (one, other) {
+            (Some(mut one), Some(other)) => {
+                one.iter_mut().zip(other).for_each(|(one, other)| *one += other);
+                Some(one)
+            }
+            (one, other) => one.or(other),
+        };
+        Self { force: plus(self.force, other.force), moved: plus(self.moved, other.moved) }
+    }
+}
+
 impl Objective {
     /// Derivatives of the residuals with respect to `variables`, one column each.
     pub fn jacobian(&self, candidate: &Candidate, evaluation: &Evaluation, variables: &[Variable]) -> Vec<Vec<f64>> {
@@ -41,7 +65,7 @@ impl Objective {
         let bends: Vec<(Variable, [Curve; 2])> = bends.collect();
         let near: Vec<Linearised> = (0..self.records.len())
             .into_par_iter()
-            .map(|index| Linearised::new(self, candidate, evaluation, &bends, index))
+            .map(|index| Linearised::new(self, evaluation, &bends, index))
             .collect();
         // What a few variables do to one observation is one task.
         let few: Vec<&[Variable]> = variables.chunks(LANES).collect();
@@ -76,6 +100,8 @@ struct Linearised<'a> {
     circle: &'a FullMemory,
     nodes: &'a Nodes,
     transfer: &'a Transfer,
+    /// The temperature of the film, °C, and the candidate there.
+    temperature_c: Option<f64>,
     candidate: &'a Candidate,
     curves: Option<&'a Curves>,
     /// The curve beside the candidate's, for each variable that bends it.
@@ -92,18 +118,17 @@ struct Linearised<'a> {
 }
 
 impl<'a> Linearised<'a> {
-    /// Near `candidate` the response of observation `index` of `objective`.
+    /// Near a candidate the response of observation `index` of `objective`.
     fn new(
         objective: &'a Objective,
-        candidate: &'a Candidate,
         evaluation: &'a Evaluation,
         bends: &'a [(Variable, [Curve; 2])],
         index: usize,
     ) -> Self {
         let record = &objective.records[index];
         let circle = &objective.circles[record.circle];
-        let transfer = &evaluation.transfers[record.circle];
-        let curves = evaluation.curves.as_ref();
+        let Film { temperature_c, candidate, curves, transfer } = &evaluation.films[record.circle];
+        let curves = curves.as_ref();
         let series = &evaluation.responses[index];
         let displacement = match &record.drive {
             DriveSpectra::Displacement { path, .. } => path,
@@ -138,6 +163,7 @@ impl<'a> Linearised<'a> {
             circle,
             nodes: &objective.nodes[record.circle],
             transfer,
+            temperature_c: *temperature_c,
             candidate,
             curves,
             bends,
@@ -158,8 +184,10 @@ impl<'a> Linearised<'a> {
             Variable::Delay => false,
             _ => true,
         };
-        let change =
-            |variable: &Variable| if is_of_film(variable) { self.change(*variable) } else { Change::default() };
+        let change = |variable: &Variable| {
+            let changes = self.at_temperature(*variable).into_iter().filter(|_| is_of_film(variable));
+            changes.map(|(share, variable)| self.change(variable).times(share)).fold(Change::default(), Change::plus)
+        };
         let changes: Vec<Change> = variables.iter().map(change).collect();
         let (mut moved, offsets): (Vec<_>, Vec<_>) = changes.into_iter().map(|c| (c.force, c.moved)).unzip();
         if let Some(tangent) = &self.shared.tangent {
@@ -185,6 +213,39 @@ impl<'a> Linearised<'a> {
             readings.project(self.reading, self.modelled, change)
         };
         variables.iter().zip(moved).map(column).collect()
+    }
+
+    /// Changes of the variables of the film at its temperature with `variable`.
+    fn at_temperature(&self, variable: Variable) -> Vec<(f64, Variable)> {
+        let Candidate { elements, spring, temperature, .. } = self.candidate;
+        let (Some(dependence), Some(temperature_c)) = (temperature, self.temperature_c) else {
+            return vec![(1.0, variable)];
+        };
+        let coefficients = |share: &dyn Fn(f64) -> f64| -> Vec<(f64, Variable)> {
+            let element = |(index, element): (usize, &Springpot)| (share(element.alpha), Variable::Coefficient(index));
+            elements.iter().enumerate().map(element).collect()
+        };
+        match variable {
+            Variable::Order(element) => {
+                vec![(1.0, variable), (dependence.ln_time_factor(temperature_c), Variable::Coefficient(element))]
+            }
+            Variable::Activation => {
+                let per_activation = dependence.ln_time_per_activation(temperature_c);
+                coefficients(&|alpha| alpha * per_activation)
+            }
+            Variable::StiffnessSlope => {
+                let share = (temperature_c - dependence.reference_c) / dependence.stiffness_factor(temperature_c);
+                let of_spring = match spring {
+                    Some(Elastic::Free { shares, .. }) => {
+                        shares.iter().enumerate().map(|(knot, own)| (share * own, Variable::Steepness(knot))).collect()
+                    }
+                    Some(Elastic::Rising(_)) => vec![(share, Variable::SeriesStiffness)],
+                    Some(Elastic::Held(_)) | None => Vec::new(),
+                };
+                [coefficients(&|_| share), of_spring].concat()
+            }
+            _ => vec![(1.0, variable)],
+        }
     }
 
     /// Derivative of the response on the grid, or of the force that changes it through the [`Tangent`]; none where `variable` has no effect

@@ -38,9 +38,17 @@ pub struct Objective {
     circles: Vec<FullMemory>,
     /// Nodes of every circle.
     nodes: Vec<Nodes>,
-    /// Steps of every circle, s.
-    steps: Vec<f64>,
+    /// How the observations of every circle are stepped.
+    kinds: Vec<Kind>,
     records: Vec<Record>,
+}
+
+/// Observations whose films are stepped alike.
+#[derive(Clone, Copy, PartialEq)]
+struct Kind {
+    step_s: f64,
+    method: Discretisation,
+    temperature_c: Option<f64>,
 }
 
 /// An observation on its grid.
@@ -142,13 +150,20 @@ pub struct Evaluation {
     pub modelled: Vec<Vec<f64>>,
     /// Offset and gain of every observation's readings.
     pub readings: Vec<ReadingFit>,
-    transfers: Vec<Transfer>,
-    /// The curves.
-    curves: Option<Curves>,
+    /// The film of every circle.
+    films: Vec<Film>,
     /// Displacements (m), or forces (N), on the grid.
     pub(super) responses: Vec<Vec<f64>>,
     /// Stretch of a spring in series (m) on the grid; empty without one.
     elongations: Vec<Vec<f64>>,
+}
+
+/// A candidate at the temperature (°C) of a circle, on that circle.
+struct Film {
+    temperature_c: Option<f64>,
+    candidate: Candidate,
+    curves: Option<Curves>,
+    transfer: Transfer,
 }
 
 /// The response of a film on the grid of an observation.
@@ -189,15 +204,19 @@ impl Objective {
         if let Some((long, grid)) = observations.iter().zip(&grids).find(|(_, grid)| grid.samples > MAX_SAMPLES) {
             return Err(too_long(&long.name, grid.samples as f64));
         }
-        let methods: Vec<Discretisation> = observations.iter().map(method).collect();
-        let (circles, steps) = circles(&grids, &methods);
+        let kind = |(o, grid): (&Observation, &Grid)| Kind {
+            step_s: grid.step_s(),
+            method: method(o),
+            temperature_c: o.temperature_c,
+        };
+        let of: Vec<Kind> = observations.iter().zip(&grids).map(kind).collect();
+        let (circles, kinds) = circles(&grids, &of);
         let records = observations
             .iter()
             .zip(grids)
-            .zip(methods)
-            .map(|((observation, grid), method)| {
-                let is_its = |(step, circle): (&f64, &FullMemory)| *step == grid.step_s() && circle.method() == method;
-                let circle = steps.iter().zip(&circles).position(is_its).unwrap_or(0);
+            .zip(of)
+            .map(|((observation, grid), of)| {
+                let circle = kinds.iter().position(|kind| *kind == of).unwrap_or(0);
                 Record {
                     circle,
                     samples: grid.samples,
@@ -210,12 +229,12 @@ impl Objective {
             })
             .collect();
         let nodes = circles.iter().map(Nodes::new).collect();
-        Ok(Self { circles, nodes, steps, records })
+        Ok(Self { circles, nodes, kinds, records })
     }
 
     /// Steps of the model, s: one for each rate.
-    pub(super) fn steps_s(&self) -> &[f64] {
-        &self.steps
+    pub(super) fn steps_s(&self) -> impl Iterator<Item = f64> {
+        self.kinds.iter().map(|kind| kind.step_s)
     }
 
     /// Measured values of every observation.
@@ -246,21 +265,13 @@ impl Objective {
 
     /// The responses of `candidate`; none where elements are out of range, the film is pulled in, or numbers overflow.
     pub fn evaluate(&self, candidate: &Candidate) -> Option<Evaluation> {
-        let model = candidate.model().ok()?;
         candidate.actuator.check().ok()?;
-        let (curves, in_series) = (candidate.curves().ok()?, candidate.in_series().ok()?);
-        let coupled = candidate.actuator.stretch_coupling != 0.0;
-        let transfers = self
-            .circles
-            .iter()
-            .zip(&self.nodes)
-            .zip(&self.steps)
-            .map(|(place, &step)| Transfer::new(&model, place, step, coupled, curves.as_ref(), in_series.as_ref()))
-            .collect::<Option<Vec<Transfer>>>()?;
+        let films = self.circles.iter().zip(&self.nodes).zip(&self.kinds);
+        let films = films.map(|(place, kind)| Film::new(candidate, place, kind)).collect::<Option<Vec<Film>>>()?;
         let responses = self
             .records
             .par_iter()
-            .map(|record| self.respond(record, candidate, curves.as_ref(), &transfers[record.circle]))
+            .map(|record| self.respond(record, &films[record.circle]))
             .collect::<Option<Vec<Response>>>()?;
         let (mut modelled, mut elongations) = (Vec::new(), Vec::new());
         let parts = |response: Response| {
@@ -271,17 +282,13 @@ impl Objective {
         let responses = responses.into_iter().map(parts).collect();
         let solve = |(record, modelled): (&Record, &mut Vec<f64>)| record.readings.solve(modelled);
         let readings = self.records.iter().zip(&mut modelled).map(solve).collect();
-        Some(Evaluation { modelled, readings, transfers, curves, responses, elongations })
+        Some(Evaluation { modelled, readings, films, responses, elongations })
     }
 
     /// Modelled values at the measured times, and the same response on the grid.
-    fn respond(
-        &self,
-        record: &Record,
-        candidate: &Candidate,
-        curves: Option<&Curves>,
-        transfer: &Transfer,
-    ) -> Option<Response> {
+    fn respond(&self, record: &Record, film: &Film) -> Option<Response> {
+        let Film { candidate, curves, transfer, .. } = film;
+        let curves = curves.as_ref();
         let circle = &self.circles[record.circle];
         let actuator = &candidate.actuator;
         let bent = |loads: Vec<Load<f64>>, curves: &Curves| -> Option<Vec<f64>> {
@@ -365,6 +372,18 @@ impl Objective {
     }
 }
 
+impl Film {
+    /// `candidate` on the circle with these nodes; none where its elements are out of range.
+    fn new(candidate: &Candidate, place: (&FullMemory, &Nodes), kind: &Kind) -> Option<Self> {
+        let candidate = candidate.at(kind.temperature_c)?.into_owned();
+        let (model, curves, in_series) =
+            (candidate.model().ok()?, candidate.curves().ok()?, candidate.in_series().ok()?);
+        let coupled = candidate.actuator.stretch_coupling != 0.0;
+        let transfer = Transfer::new(&model, place, kind.step_s, coupled, curves.as_ref(), in_series.as_ref())?;
+        Some(Self { temperature_c: kind.temperature_c, candidate, curves, transfer })
+    }
+}
+
 impl Record {
     fn measures_force(&self) -> bool {
         matches!(self.drive, DriveSpectra::Displacement { .. })
@@ -413,18 +432,16 @@ fn product(a: &[Complex<f64>], b: &[Complex<f64>]) -> Spectrum {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }
 
-/// A circle for every rate and method, as long as the longest recording of both, and the steps (s) of these circles.
-fn circles(grids: &[Grid], methods: &[Discretisation]) -> (Vec<FullMemory>, Vec<f64>) {
-    let mut circles: Vec<FullMemory> = Vec::new();
-    let mut steps: Vec<f64> = Vec::new();
-    for (grid, &method) in grids.iter().zip(methods) {
-        let step_s = grid.step_s();
-        if !steps.iter().zip(&circles).any(|(step, circle)| *step == step_s && circle.method() == method) {
-            let same = grids.iter().zip(methods).filter(|(other, of)| other.rate_hz == grid.rate_hz && **of == method);
+/// A circle for every kind of observation, as long as the longest of these.
+fn circles(grids: &[Grid], of: &[Kind]) -> (Vec<FullMemory>, Vec<Kind>) {
+    let (mut circles, mut kinds) = (Vec::new(), Vec::new());
+    for (grid, &kind) in grids.iter().zip(of) {
+        if !kinds.contains(&kind) {
+            let same = grids.iter().zip(of).filter(|(_, other)| **other == kind);
             let longest = same.map(|(other, _)| other.samples).max().unwrap_or(grid.samples);
-            circles.push(FullMemory::with_oversampling_and_method(longest, step_s, 2, method));
-            steps.push(step_s);
+            circles.push(FullMemory::with_oversampling_and_method(longest, kind.step_s, 2, kind.method));
+            kinds.push(kind);
         }
     }
-    (circles, steps)
+    (circles, kinds)
 }

@@ -1,0 +1,75 @@
+//! The `[temperature]` table: how the temperature changes the film, and the film at another temperature.
+
+use std::borrow::Cow;
+use std::fmt::Write;
+
+use serde::Deserialize;
+use springpot::{ModelError, TemperatureDependence};
+
+use super::Parameters;
+use crate::error::{Error, Result, short};
+use crate::files::recording::Recording;
+
+/// The table as it is read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TemperatureTable {
+    reference_c: f64,
+    stiffness_per_k: f64,
+    activation_kj_per_mol: f64,
+}
+
+impl TemperatureTable {
+    /// The dependence, or what is wrong with it.
+    pub(super) fn dependence(&self) -> std::result::Result<TemperatureDependence, String> {
+        let Self { reference_c, stiffness_per_k, activation_kj_per_mol } = *self;
+        let dependence = TemperatureDependence { reference_c, stiffness_per_k, activation_kj_per_mol };
+        dependence.check().map(|()| dependence).map_err(|error| short(&error))
+    }
+}
+
+/// The table of a `dependence` as TOML text.
+pub(super) fn to_toml(dependence: &TemperatureDependence) -> String {
+    let TemperatureDependence { reference_c, stiffness_per_k, activation_kj_per_mol } = dependence;
+    let mut text = "\n[temperature]\n".to_owned();
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "reference_c = {reference_c:?} # the temperature of [model], °C");
+    let _ = writeln!(text, "stiffness_per_k = {stiffness_per_k:?} # change of the stiffness with each K, as a share");
+    let _ = writeln!(text, "activation_kj_per_mol = {activation_kj_per_mol:?} # of relaxation and creep");
+    text
+}
+
+impl Parameters {
+    /// The film along `recording`: at its mean temperature, if it has one and the film a dependence on it.
+    ///
+    /// # Errors
+    ///
+    /// As [`at_temperature`](Self::at_temperature), and for temperatures that no film has.
+    pub fn along(&self, recording: &Recording) -> Result<Cow<'_, Self>> {
+        match self.temperature.and(recording.mean_temperature_c()?) {
+            Some(temperature_c) => Ok(Cow::Owned(self.at_temperature(temperature_c)?)),
+            None => Ok(Cow::Borrowed(self)),
+        }
+    }
+
+    /// The film at a temperature, which becomes the reference.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Field`] for a film that was not fitted at several temperatures, and a temperature that its dependence does not reach.
+    pub fn at_temperature(&self, temperature_c: f64) -> Result<Self> {
+        let Some(dependence) = &self.temperature else {
+            let cause = "the film has no [temperature] table: fit it to recordings with a column temperature_c, at two temperatures or more";
+            return Err(Error::field("temperature_c", cause));
+        };
+        let refused = |error: ModelError| Error::field("temperature_c", short(&error));
+        let stiffness = dependence.stiffness_factor(temperature_c);
+        let spring = self.spring.as_ref().map(|spring| spring.scaled(stiffness)).transpose();
+        Ok(Self {
+            model: self.model.at_temperature(dependence, temperature_c).map_err(refused)?,
+            temperature: Some(dependence.with_reference(temperature_c).map_err(refused)?),
+            spring: spring.map_err(|error| Error::field("temperature_c", short(&error)))?,
+            ..self.clone()
+        })
+    }
+}

@@ -1,0 +1,211 @@
+//! Films at several temperatures: the dependence is found from recordings, and feedforward holds at temperatures between.
+//!
+//! Films at another temperature are computed without the law's own rule: as the film at its reference, stepped in its own time.
+
+use std::f64::consts::TAU;
+use std::sync::atomic::AtomicBool;
+
+use host_io::files::import::Quantity;
+use host_io::files::parameters::Parameters;
+use host_io::files::recording::{Direction, Input, Recording};
+use host_io::grid::{Grid, Samples};
+use host_models::fit::options::Branches;
+use host_models::fit::{self, CurveChoice, Fit, FitOptions};
+use host_models::replay::expectation::Recorded;
+use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
+use host_models::replay::{feedforward, simulate};
+use indicatif::ProgressBar;
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, Normal};
+use rand_pcg::Pcg64;
+use springpot::{Actuator, CommandLimits, Maxwell, Spring, Springpot, TemperatureDependence, Topology};
+
+use crate::recorded::risen_sine_m;
+use crate::sweep::full_sweep;
+
+const ACTUATOR: Actuator = Actuator {
+    length_m: 0.02,
+    width_m: 0.03,
+    thickness_m: 100e-6,
+    mass_kg: 0.1,
+    stretch_coupling: 20.0,
+    ..Actuator::KARNER_2022
+};
+const LIMITS: CommandLimits = CommandLimits { max_voltage_v: 4200.0, max_field_v_per_m: 1e8, ..CommandLimits::BENCH };
+const REFERENCE_C: f64 = 22.0;
+
+/// A film at 22 °C, and how its stiffness (1/K) and its times (kJ/mol) change.
+struct Film {
+    parameters: Parameters,
+    stiffness_per_k: f64,
+    activation_kj_per_mol: f64,
+}
+
+impl Film {
+    /// Random film number `seed`, of which every third has a spring in series.
+    fn random(seed: u64) -> Self {
+        let mut random = Pcg64::seed_from_u64(seed);
+        let time_s = 10f64.powf(random.random_range(-0.3..1.0));
+        let share = random.random_range(0.1..0.4);
+        let branch = [Springpot::new(8.5e3 * share, 0.0), Springpot::new(8.5e3 * share * time_s, 1.0)];
+        let main = Springpot::new(random.random_range(7e3..9e3), random.random_range(0.05..0.15));
+        let model = Maxwell::new(main, &[branch], Topology::Parallel, 0.1).expect("valid");
+        let knots = |e: f64| (e, 40e3 * e + 6e9 * e.powi(3));
+        let spring =
+            seed.is_multiple_of(3).then(|| Spring::through(&[-1e-4, 0.0, 2e-4, 4e-4, 6e-4].map(knots)).expect("valid"));
+        let parameters =
+            Parameters { model, actuator: ACTUATOR, spring, ..Parameters::preset("table3-n1").expect("there") };
+        let stiffness_per_k = random.random_range(-0.012..0.004);
+        Self { parameters, stiffness_per_k, activation_kj_per_mol: random.random_range(20.0..90.0) }
+    }
+
+    /// Displacement (m) at 1 kHz under `voltage_v` at a temperature: with times a and stiffness k the film is itself with its time in steps of 1/a,
+    /// 1/k of the force, and m/(k a²) of the mass.
+    fn displacement_m(&self, voltage_v: &[f64], temperature_c: f64) -> Vec<f64> {
+        let stiffness = 1.0 + self.stiffness_per_k * (temperature_c - REFERENCE_C);
+        let kelvin = 273.15;
+        let inverse = 1.0 / (temperature_c + kelvin) - 1.0 / (REFERENCE_C + kelvin);
+        let time = (self.activation_kj_per_mol / 8.314_462_618e-3 * inverse).exp();
+        let model = &self.parameters.model;
+        let mass_kg = model.mass_kg() / (stiffness * time * time);
+        let film = Parameters {
+            model: Maxwell::new(model.main(), model.branches(), model.topology(), mass_kg).expect("valid"),
+            actuator: Actuator { mass_kg, ..self.parameters.actuator },
+            ..self.parameters.clone()
+        };
+        let rate_hz = 1000.0 * time;
+        let grid = Grid { rate_hz, samples: voltage_v.len() };
+        let value = voltage_v.iter().map(|volts| volts / stiffness.sqrt()).collect();
+        let input = Input::Voltage(Samples { time_s: grid.times_s(), value });
+        let options = RunOptions { memory: MemoryChoice::Compressed, precision: Precision::F64, rate_hz };
+        simulate::response(&film, &input, grid, &options, &ProgressBar::hidden()).expect("moves").displacement_m
+    }
+
+    /// 100 s of a sine of `hz` at 100 Hz with 3 µm of noise, zeroed anew.
+    fn recording(&self, hz: f64, temperature_c: f64) -> Recording {
+        let mut random = Pcg64::seed_from_u64((1e3 * hz) as u64);
+        let noise = Normal::new(0.0, 3e-6).expect("valid");
+        let volts: Vec<f64> = (0..100_000).map(|k| 1600.0 * (1.0 - (TAU * hz * 1e-3 * f64::from(k)).cos())).collect();
+        let film = self.displacement_m(&volts, temperature_c);
+        let zero_m = random.random_range(-1e-4..1e-4);
+        let rows = || (0..film.len()).step_by(10);
+        let columns = vec![
+            (Quantity::Voltage, rows().map(|k| volts[k]).collect()),
+            (Quantity::Displacement, rows().map(|k| zero_m + film[k] + noise.sample(&mut random)).collect()),
+            (Quantity::Temperature, rows().map(|k| temperature_c + 0.2 * (1e-4 * k as f64).sin()).collect()),
+        ];
+        Recording::of_values(&format!("{hz}.csv"), rows().map(|k| 1e-3 * k as f64).collect(), columns).expect("valid")
+    }
+
+    fn recordings(&self) -> Vec<Recording> {
+        [(0.4, 20.0), (0.15, 30.0), (0.08, 38.0)].map(|(hz, temperature_c)| self.recording(hz, temperature_c)).into()
+    }
+
+    /// The options with which it is fitted.
+    fn options(&self) -> FitOptions {
+        let curve = if self.parameters.spring.is_some() { CurveChoice::Series } else { CurveChoice::None };
+        FitOptions { branches: Branches::Number(1), curve, starts: 4, ..FitOptions::default() }
+    }
+}
+
+fn tried(recordings: &[Recording], options: &FitOptions) -> host_io::Result<(Fit, Parameters)> {
+    let settings = options.settings(None, Some((Actuator { stretch_coupling: 0.0, ..ACTUATOR }, false)))?;
+    let all: Vec<&Recording> = recordings.iter().collect();
+    let observations: Vec<_> = options.observations(&all)?.into_iter().map(|(observation, _)| observation).collect();
+    let fit = fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| ())?;
+    let parameters = fit.parameters(&settings, Direction::Force, &all)?;
+    Ok((fit, parameters))
+}
+
+/// Error (%, RMS of peak to peak) of feedforward with `parameters` on `film` at a temperature, and the interval that was stated.
+fn followed(film: &Film, parameters: &Parameters, temperature_c: f64) -> (f64, [f64; 2]) {
+    let parameters = parameters.at_temperature(temperature_c).expect("within reach");
+    let grid = Grid::covering(60.0, 1000.0).expect("a grid");
+    let wanted: Vec<f64> = grid.times_s().iter().map(|&t| risen_sine_m(t, 2.0, 0.3e-3, 0.8e-3, 0.2)).collect();
+    let options = RunOptions { rate_hz: 1000.0, memory: MemoryChoice::Compressed, precision: Precision::F64 };
+    let plan = feedforward::plan(&parameters, &wanted, grid, &options, LIMITS, &ProgressBar::hidden()).expect("a plan");
+    let moved = film.displacement_m(&plan.voltage_v, temperature_c);
+    let squares = moved.iter().zip(&wanted).skip(2000).map(|(x, w)| (x - w).powi(2));
+    let error_pct = 100.0 * (squares.sum::<f64>() / (wanted.len() - 2000) as f64).sqrt() / 0.5e-3;
+    let recorded = Recorded::from_parameters(&parameters).expect("written by the fit");
+    (error_pct, recorded.expectation(&parameters, &wanted, grid, 0.5e-3, plan.voltage_v).feedforward_error_pct)
+}
+
+/// Slope and activation energy are those of the film, and feedforward follows at temperatures between those of the recordings.
+#[test]
+fn the_dependence_on_the_temperature_is_found() {
+    let films = if full_sweep() { 0..40 } else { 0..4 };
+    let (mut inside, mut references) = (0, 0);
+    for seed in films {
+        let film = Film::random(seed);
+        let (fit, parameters) = tried(&film.recordings(), &film.options()).expect("a fit");
+        let found = parameters.temperature.expect("three temperatures");
+        let at_reference = TemperatureDependence::with_reference(&found, REFERENCE_C).expect("near");
+        println!(
+            "{seed}: {:?}, is {:.5} and {:.2}; R² {:.6}, {} evaluations",
+            at_reference, film.stiffness_per_k, film.activation_kj_per_mol, fit.r2_mean, fit.evaluations
+        );
+        for warning in &fit.warnings {
+            println!("   {warning}");
+        }
+        for temperature_c in [20.0, 25.0, 34.0] {
+            let (error_pct, [low, high]) = followed(&film, &parameters, temperature_c);
+            println!("   {temperature_c} °C: {error_pct:.3} % of {low:.3} to {high:.3}");
+            references += 1;
+            inside += usize::from((low..=high).contains(&error_pct));
+            assert!(error_pct < 1.0, "{seed} at {temperature_c} °C: {error_pct} %");
+        }
+        assert!((at_reference.stiffness_per_k - film.stiffness_per_k).abs() < 5e-4, "{seed}");
+        assert!((at_reference.activation_kj_per_mol - film.activation_kj_per_mol).abs() < 4.0, "{seed}");
+    }
+    assert!(inside * 100 >= 95 * references, "{inside} of {references}");
+}
+
+/// Recordings at one temperature are fitted as without the column, to the bit.
+#[test]
+fn one_temperature_changes_nothing() {
+    let film = Film::random(1);
+    let with: Vec<Recording> = [0.4, 0.15].map(|hz| film.recording(hz, 25.0)).into();
+    let without: Vec<Recording> = with
+        .iter()
+        .map(|recording| {
+            let quantities = [Quantity::Voltage, Quantity::Displacement].into_iter();
+            let columns = recording.columns().into_iter().zip(quantities).map(|((_, values), of)| (of, values));
+            Recording::of_values(&recording.path().to_string_lossy(), recording.time_s().to_vec(), columns.collect())
+                .expect("valid")
+        })
+        .collect();
+    let [(with, parameters), (without, plain)] =
+        [with, without].map(|recordings| tried(&recordings, &film.options()).expect("a fit"));
+    assert_eq!((parameters.model, parameters.temperature), (plain.model, None));
+    assert_eq!(with.candidate, without.candidate);
+    let says = |fit: &Fit| fit.warnings.iter().any(|warning| warning.contains("recorded at 25.0 °C"));
+    assert!(says(&with) && !says(&without));
+}
+
+#[test]
+fn temperatures_that_cannot_be_used_are_refused() {
+    let film = Film::random(1);
+    let refused = |recordings: &[Recording]| tried(recordings, &film.options()).expect_err("refused").to_string();
+    let kelvin = [film.recording(0.4, 20.0), film.recording(0.15, 25.0)].map(|recording| {
+        let columns =
+            recording.columns().into_iter().zip([Quantity::Voltage, Quantity::Displacement, Quantity::Temperature]);
+        let columns = columns.map(|((name, values), of)| {
+            let shift = if name == "temperature_c" { 273.15 } else { 0.0 };
+            (of, values.into_iter().map(|value| value + shift).collect())
+        });
+        Recording::of_values("kelvin.csv", recording.time_s().to_vec(), columns.collect()).expect("valid")
+    });
+    assert!(refused(&kelvin).contains("kelvin.csv: temperature_c: a temperature of 293.15 °C"), "{}", refused(&kelvin));
+    let mut some = film.recordings();
+    some[1] = {
+        let columns = some[1].columns().into_iter().zip([Quantity::Voltage, Quantity::Displacement]);
+        let columns = columns.map(|((_, values), of)| (of, values)).collect();
+        Recording::of_values("cold.csv", some[1].time_s().to_vec(), columns).expect("valid")
+    };
+    assert!(refused(&some).contains("cold.csv has no column temperature_c"), "{}", refused(&some));
+    // Beyond the recorded temperatures the error to expect grows.
+    let (_, parameters) = tried(&film.recordings(), &film.options()).expect("a fit");
+    let [within, beyond] = [29.0, 47.0].map(|temperature_c| followed(&film, &parameters, temperature_c).1[1]);
+    assert!(beyond > 2.0 * within, "{within} and {beyond}");
+}
