@@ -17,7 +17,7 @@ typedef struct {
     springpot_learning_state learning;
 } springpot_follower_state;
 
-SPRINGPOT_ASSERT(sizeof(springpot_follower_state) == 2604U, a_state_of_a_follower_takes_2604_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_follower_state) == 2624U, a_state_of_a_follower_takes_2624_bytes);
 
 /* A film at rest, 0 V, the reference where the film is. `has_sensor`: tracking, with all that samples correct; otherwise feedforward.
  * `learns`: cycles are learned, if the film's `learning` is not NULL. */
@@ -174,6 +174,13 @@ static inline bool springpot_follower_restore(
     const springpot_film *film, springpot_follower_state *state, const springpot_adapted *adapted)
 {
     return (state->has_sensor != 0U) && springpot_tracking_restore(film, &state->of.tracking, adapted);
+}
+
+/* springpot_tracking_set_temperature_factors; false for feedforward. */
+static inline bool springpot_follower_set_temperature_factors(
+    const springpot_film *film, springpot_follower_state *state, float stiffness, float time)
+{
+    return (state->has_sensor != 0U) && springpot_tracking_set_temperature_factors(film, &state->of.tracking, stiffness, time);
 }
 
 /* springpot_tracking_forget_changes. */

@@ -110,6 +110,9 @@ typedef struct {
     float loss_before;   /* loss of the mode before in a step */
     float log_before;    /* logarithm of its rate */
     float sums[2];       /* forces of the slopes in this round: as they are, and times the logarithms, N */
+    float stated[2];     /* logarithms of force scale and rate at the temperature that was stated */
+    float stated_used[2]; /* the part of them that is in use */
+    float rate;          /* logarithm of the factor of all rates that is in use */
     float steps[2];      /* changes of rate and stretch in the last round */
     uint32_t is_excited; /* 1: the load swings */
     float ageing;
@@ -134,7 +137,7 @@ typedef struct {
 SPRINGPOT_ASSERT(sizeof(springpot_state) == 416U, a_state_of_a_law_takes_416_bytes);
 SPRINGPOT_ASSERT(sizeof(springpot_feedforward_state) == 464U, a_state_of_feedforward_takes_464_bytes);
 SPRINGPOT_ASSERT(sizeof(springpot_observer_state) == 752U, a_state_of_an_observer_takes_752_bytes);
-SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 1144U, a_state_of_tracking_takes_1144_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 1164U, a_state_of_tracking_takes_1164_bytes);
 
 /* ---- Inputs and outputs. */
 

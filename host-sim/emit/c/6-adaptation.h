@@ -28,6 +28,13 @@ static inline float springpot_exp(const springpot_adaptation *adaptation, float 
     return power;
 }
 
+/* ln x of the series, so that springpot_exp gives x again. */
+static inline float springpot_logarithm(const springpot_adaptation *adaptation, float x)
+{
+    const float near = springpot_log_of_ratio(adaptation, x, 1.0F);
+    return near + springpot_log_of_ratio(adaptation, x, springpot_exp(adaptation, near));
+}
+
 /* The film as its law has it; nothing is known of it. */
 static inline void springpot_adaptation_init(springpot_adaptation_state *state)
 {
@@ -41,7 +48,10 @@ static inline void springpot_adaptation_init(springpot_adaptation_state *state)
     state->log_before = 0.0F;
     state->is_excited = 0U;
     state->ageing = 0.0F;
+    state->rate = 0.0F;
     for (i = 0U; i < 2U; i++) {
+        state->stated[i] = 0.0F;
+        state->stated_used[i] = 0.0F;
         state->sums[i] = 0.0F;
         state->steps[i] = 0.0F;
     }
@@ -155,8 +165,7 @@ static inline void springpot_flow(
             state->log_before + springpot_log_of_ratio(adaptation, decay->loss, state->loss_before);
         state->loss_before = decay->loss;
     }
-    factor = springpot_exp(
-        adaptation, state->used[SPRINGPOT_ADAPTED_RATE] + (state->used[SPRINGPOT_ADAPTED_STRETCH] * state->log_before));
+    factor = springpot_exp(adaptation, state->rate + (state->used[SPRINGPOT_ADAPTED_STRETCH] * state->log_before));
     /* What has just come into use counts from the beginning: the extension is as if it had always been so. */
     moved = slope * (state->steps[0] + (state->steps[1] * state->log_before));
     flow = (((factor - 1.0F) * lost) * extension) - moved;
@@ -189,8 +198,11 @@ static inline void springpot_bring_into_use(
     const float weight = (1.0F + state->stiffer) * memory.weight;
     const float relaxing = memory.weight * (memory.force - (adaptation->lasting * memory.value));
     float changes[SPRINGPOT_PARAMETERS];
+    const springpot_parameter *rates = &adaptation->parameters[SPRINGPOT_ADAPTED_RATE];
+    float warmed[2];
     float shift = 0.0F;
     float scale;
+    float rate;
     float variance;
     bool forgotten = state->adapting == SPRINGPOT_ADAPT_OFF;
     uint32_t i;
@@ -209,7 +221,18 @@ static inline void springpot_bring_into_use(
             forgotten = false;
         }
     }
+    /* The film itself changes with its temperature: there is no shift of the force, and what flowed before stays. */
+    for (i = 0U; i < 2U; i++) {
+        const uint32_t of = (i == 0U) ? SPRINGPOT_ADAPTED_SCALE : SPRINGPOT_ADAPTED_RATE;
+        warmed[i] = adaptation->blend * (state->stated[i] - state->stated_used[i]);
+        state->stated_used[i] = state->stated_used[i] + warmed[i];
+        if (!(springpot_size(state->stated_used[i]) <= (adaptation->forgotten * adaptation->parameters[of].expected))) {
+            forgotten = false;
+        }
+    }
     if (forgotten) {
+        state->stated_used[0] = 0.0F;
+        state->stated_used[1] = 0.0F;
         for (i = 0U; i < SPRINGPOT_PARAMETERS; i++) {
             changes[i] = changes[i] - state->used[i];
             state->used[i] = 0.0F;
@@ -219,8 +242,8 @@ static inline void springpot_bring_into_use(
     }
     /* The total force stays the same at this moment. The bias is a part of the disturbance. The force scale may be another one where this
      * begins. */
-    scale = springpot_exp(adaptation, state->used[SPRINGPOT_ADAPTED_SCALE]);
-    changes[SPRINGPOT_ADAPTED_SCALE] = (scale / observed->force_scale) - 1.0F;
+    scale = springpot_exp(adaptation, state->used[SPRINGPOT_ADAPTED_SCALE] + state->stated_used[0]);
+    changes[SPRINGPOT_ADAPTED_SCALE] = ((scale / observed->force_scale) - 1.0F) - warmed[0];
     changes[SPRINGPOT_ADAPTED_BIAS] = 0.0F;
     state->ageing = 0.0F;
     for (i = 0U; i < SPRINGPOT_PARAMETERS; i++) {
@@ -230,6 +253,8 @@ static inline void springpot_bring_into_use(
     }
     state->steps[0] = changes[SPRINGPOT_ADAPTED_RATE];
     state->steps[1] = changes[SPRINGPOT_ADAPTED_STRETCH];
+    rate = state->used[SPRINGPOT_ADAPTED_RATE] + state->stated_used[1];
+    state->rate = springpot_clamp(rate, -rates->restored, rates->restored);
     observed->force_scale = scale;
     observed->integral = observed->integral - shift;
     observed->disturbance = observed->disturbance - shift;

@@ -282,6 +282,8 @@ static inline void springpot_tracking_set_adapting(springpot_tracking_state *sta
 
     if (!follows) {
         springpot_adaptation_forget(adaptation);
+        adaptation->stated[0] = 0.0F;
+        adaptation->stated[1] = 0.0F;
     } else if (adaptation->is_in_use == 0U) {
         springpot_adaptation_init(adaptation);
         adaptation->is_in_use = 1U;
@@ -305,7 +307,7 @@ static inline springpot_adapted springpot_tracking_adapted(const springpot_film 
         variance = variance + ((entry[0] * entry[0]) * adaptation->diagonal[i]);
         entry += i;
     }
-    adapted.force_scale = state->observer.force_scale;
+    adapted.force_scale = state->observer.force_scale / springpot_exp(&film->adaptation, adaptation->stated_used[0]);
     adapted.uncertainty = film->adaptation.parameters[0].expected * sqrtf(variance);
     adapted.memory = adaptation->used[SPRINGPOT_ADAPTED_MEMORY];
     adapted.rate = adaptation->used[SPRINGPOT_ADAPTED_RATE];
@@ -321,13 +323,12 @@ static inline bool springpot_tracking_restore(
     const springpot_film *film, springpot_tracking_state *state, const springpot_adapted *adapted)
 {
     const springpot_adaptation *adaptation = &film->adaptation;
-    const float near = springpot_log_of_ratio(adaptation, adapted->force_scale, 1.0F);
+    const float stated[2] = {state->adaptation.stated[0], state->adaptation.stated[1]};
     bool is_sound = (adapted->force_scale > 0.0F) && springpot_is_finite(adapted->uncertainty) && springpot_is_finite(adapted->ageing);
     float used[SPRINGPOT_PARAMETERS];
     uint32_t i;
 
-    used[SPRINGPOT_ADAPTED_SCALE] =
-        near + springpot_log_of_ratio(adaptation, adapted->force_scale, springpot_exp(adaptation, near));
+    used[SPRINGPOT_ADAPTED_SCALE] = springpot_logarithm(adaptation, adapted->force_scale);
     used[SPRINGPOT_ADAPTED_MEMORY] = adapted->memory;
     used[SPRINGPOT_ADAPTED_RATE] = adapted->rate;
     used[SPRINGPOT_ADAPTED_STRETCH] = adapted->stretch;
@@ -341,10 +342,34 @@ static inline bool springpot_tracking_restore(
             state->adaptation.estimates[i] = used[i];
             state->adaptation.used[i] = used[i];
         }
+        state->adaptation.stated[0] = stated[0];
+        state->adaptation.stated[1] = stated[1];
         state->adaptation.is_in_use = 1U;
         state->adaptation.adapting = SPRINGPOT_ADAPT_HOLD;
     }
     return is_sound;
+}
+
+/* The film's temperature makes its stiffness and its relaxation times these factors of those of its law: they come into use with a time constant of a
+ * second, with or without a sensor, beside what is learned. While nothing is learned this holds; SPRINGPOT_ADAPT_OFF forgets it. Returns false beyond
+ * 0.25 to 4 and a third to three times; then nothing changes. */
+static inline bool springpot_tracking_set_temperature_factors(
+    const springpot_film *film, springpot_tracking_state *state, float stiffness, float time)
+{
+    const springpot_adaptation *adaptation = &film->adaptation;
+    const float scale = -springpot_logarithm(adaptation, stiffness);
+    const float rate = -springpot_logarithm(adaptation, time);
+    const bool is_within = (springpot_size(scale) <= adaptation->parameters[SPRINGPOT_ADAPTED_SCALE].restored)
+        && (springpot_size(rate) <= adaptation->parameters[SPRINGPOT_ADAPTED_RATE].restored);
+
+    if (is_within) {
+        if (state->adaptation.adapting == SPRINGPOT_ADAPT_OFF) {
+            springpot_tracking_set_adapting(state, SPRINGPOT_ADAPT_HOLD);
+        }
+        state->adaptation.stated[0] = scale;
+        state->adaptation.stated[1] = rate;
+    }
+    return is_within;
 }
 
 /* Forgets what was learned of a film that changes: it goes out of use within some seconds. Learning goes on. */
@@ -359,6 +384,7 @@ static inline void springpot_tracking_forget(springpot_tracking_state *state)
 {
     const uint32_t is_in_use = state->adaptation.is_in_use;
     const uint32_t adapting = state->adaptation.adapting;
+    const float stated[2] = {state->adaptation.stated[0], state->adaptation.stated[1]};
     springpot_observer_state *observer = &state->observer;
     observer->integral = 0.0F;
     observer->slope = 0.0F;
@@ -369,6 +395,8 @@ static inline void springpot_tracking_forget(springpot_tracking_state *state)
     observer->load_mean = 0.0F;
     observer->excitation = 0.0F;
     springpot_adaptation_init(&state->adaptation);
+    state->adaptation.stated[0] = stated[0];
+    state->adaptation.stated[1] = stated[1];
     state->adaptation.is_in_use = is_in_use;
     state->adaptation.adapting = adapting;
 }

@@ -4,11 +4,12 @@ mod numbers;
 
 use core::cmp::Ordering;
 
-use crate::control::adapted::{Adapted, Adapting, BOUNDS};
+use crate::control::adapted::{Adapted, Adapting, BOUNDS, ROUNDED};
 use crate::control::inverse::share_per_step;
 use crate::control::observer::{Observer, ObserverState};
 use crate::control::observer_options::ObserverOptions;
 use crate::control::path::{clamp, is_finite};
+use crate::error::ControlError;
 use crate::law::{Law, LawState, Memory};
 use crate::scalar::{Real, Scalar};
 
@@ -101,6 +102,11 @@ pub(crate) struct AdaptationState<T, P> {
     estimates: [T; PARAMETERS],
     /// The part of them that is in use.
     used: [T; PARAMETERS],
+    /// Logarithms of force scale and rate at the temperature that was stated, and the part of them that is in use.
+    stated: [T; 2],
+    stated_used: [T; 2],
+    /// The logarithm of the factor of all rates that is in use, learned and stated.
+    rate: T,
     /// Changes of rate and stretch that came into use in the last round.
     steps: [T; 2],
     /// The forces by which the parameters act, N, and whether the load swings.
@@ -233,7 +239,7 @@ impl<T: Real> Adaptation<T> {
         let extension = M::extension(&film.history, index);
         let one = T::from_f64(1.0);
         let lost = self.ticks * loss;
-        let factor = exp(state.used[RATE] + state.used[STRETCH] * log);
+        let factor = exp(state.rate + state.used[STRETCH] * log);
         // What has just come into use counts from the beginning: the extension is as if it had always been so.
         let moved = *slope * (state.steps[0] + state.steps[1] * log);
         M::relax(&mut film.history, index, (factor - one) * lost * extension - moved);
@@ -266,7 +272,14 @@ impl<T: Real> Adaptation<T> {
             *change = self.blend * (estimate - *used);
             *used = *used + *change;
         }
-        if state.adapting == Adapting::Off && self.is_forgotten(&state.used) {
+        // The film itself changes with its temperature: there is no shift of the force, and what flowed before stays.
+        let mut warmed = [T::ZERO; 2];
+        for ((used, change), &stated) in state.stated_used.iter_mut().zip(&mut warmed).zip(&state.stated) {
+            *change = self.blend * (stated - *used);
+            *used = *used + *change;
+        }
+        if state.adapting == Adapting::Off && self.is_forgotten(state) {
+            state.stated_used = [T::ZERO; 2];
             for (used, change) in state.used.iter_mut().zip(&mut changes) {
                 *change = *change - *used;
                 *used = T::ZERO;
@@ -276,12 +289,14 @@ impl<T: Real> Adaptation<T> {
         }
         // The total force stays the same at this moment. The bias is a part of the disturbance. The force scale may be another one where
         // this begins.
-        let scale = exp(state.used[SCALE]);
+        let scale = exp(state.used[SCALE] + state.stated_used[0]);
         let grown = scale / observed.force_scale();
-        changes[SCALE] = grown - one;
+        changes[SCALE] = grown - one - warmed[0];
         changes[BIAS] = T::ZERO;
         let shift = changes.iter().zip(&forces).fold(T::ZERO, |sum, (&change, &force)| sum + change * force);
         state.steps = [changes[RATE], changes[STRETCH]];
+        let bound = T::from_f64(BOUNDS[RATE] * ROUNDED);
+        state.rate = clamp(state.used[RATE] + state.stated_used[1], -bound, bound);
         observed.adapt_to(scale, shift, state.used[BIAS]);
         state.stiffer = exp(state.used[MEMORY]) - one;
         let moved = state.used.iter().zip(AGED).map(|(used, aged)| used.abs() * T::from_f64(1.0 / aged));
@@ -294,9 +309,11 @@ impl<T: Real> Adaptation<T> {
     }
 
     /// Returns `true` where so little is in use that it may go.
-    fn is_forgotten(&self, used: &[T; PARAMETERS]) -> bool {
+    fn is_forgotten<P>(&self, state: &AdaptationState<T, P>) -> bool {
         let few = T::from_f64(FORGOTTEN);
-        used.iter().zip(self.sized(EXPECTED)).all(|(used, expected)| used.abs() <= few * expected)
+        let expected = self.sized(EXPECTED);
+        let stated = state.stated_used.iter().zip([expected[SCALE], expected[RATE]]);
+        state.used.iter().zip(expected).chain(stated).all(|(used, expected)| used.abs() <= few * expected)
     }
 
     /// Learns from an `unexplained` force (N): recursive least squares in Bierman's form, whose covariance stays positive in single precision.
@@ -376,6 +393,9 @@ impl<T: Real, P> AdaptationState<T, P> {
             sums: [T::ZERO; 2],
             estimates: [T::ZERO; PARAMETERS],
             used: [T::ZERO; PARAMETERS],
+            stated: [T::ZERO; 2],
+            stated_used: [T::ZERO; 2],
+            rate: T::ZERO,
             steps: [T::ZERO; 2],
             forces: [T::ZERO; PARAMETERS],
             is_excited: false,
@@ -406,28 +426,56 @@ impl<T: Real, P> AdaptationState<T, P> {
     pub(crate) fn set_adapting<M: Memory<T, PerMode = P>>(&mut self, adapting: Adapting) {
         if adapting == Adapting::Off {
             self.forget();
+            self.stated = [T::ZERO; 2];
         } else if !self.is_in_use {
             *self = Self { is_in_use: true, ..Self::as_fitted::<M>() };
         }
         self.adapting = adapting;
     }
 
-    /// Nothing is known of the film, at once; learning goes on. A round leaves the stiffness of the film as its law has it.
+    /// Factors of the film's stiffness and times at a temperature, which come into use as estimates do, and beside them.
+    ///
+    /// # Errors
+    ///
+    /// [`ControlError::OutOfRange`] for factors beyond the bounds of what is learned.
+    pub(crate) fn set_temperature_factors<M: Memory<T, PerMode = P>>(
+        &mut self,
+        [stiffness, time]: [T; 2],
+    ) -> Result<(), ControlError> {
+        let stated = [stiffness, time].map(|factor| -logarithm(factor));
+        let [scale, _, rate, ..] = BOUNDS;
+        let quantities = ["stiffness, its logarithm", "time, its logarithm"];
+        for ((quantity, value), most) in quantities.into_iter().zip(stated).zip([scale, rate]) {
+            // NaN is out of range.
+            let within = value.abs() <= T::from_f64(most * ROUNDED);
+            if !within {
+                return Err(ControlError::OutOfRange { quantity, value: value.abs().to_f64(), most });
+            }
+        }
+        if self.adapting == Adapting::Off {
+            self.set_adapting::<M>(Adapting::Hold);
+        }
+        self.stated = stated;
+        Ok(())
+    }
+
+    /// Nothing is known of the film but its temperature, at once; learning goes on. A round leaves the stiffness of the film as its law has it.
     pub(crate) fn reset<M: Memory<T, PerMode = P>>(&mut self) {
-        *self = Self { is_in_use: self.is_in_use, adapting: self.adapting, ..Self::as_fitted::<M>() };
+        let Self { stated, is_in_use, adapting, .. } = *self;
+        *self = Self { stated, is_in_use, adapting, ..Self::as_fitted::<M>() };
     }
 
     /// Uses what was learned before at once, and holds it; how sure that is begins anew.
     pub(crate) fn restore<M: Memory<T, PerMode = P>>(&mut self, adapted: &Adapted<T>) {
-        // Of the series, so that the force scale is the one that was learned.
-        let near = log_of_ratio(adapted.force_scale, T::from_f64(1.0));
-        let scale = near + log_of_ratio(adapted.force_scale, exp(near));
-        let used = [scale, adapted.memory, adapted.rate, adapted.stretch, adapted.bias_n];
-        *self = Self { estimates: used, used, is_in_use: true, adapting: Adapting::Hold, ..Self::as_fitted::<M>() };
+        let used = [logarithm(adapted.force_scale), adapted.memory, adapted.rate, adapted.stretch, adapted.bias_n];
+        let stated = self.stated;
+        let adapting = Adapting::Hold;
+        *self = Self { estimates: used, used, stated, is_in_use: true, adapting, ..Self::as_fitted::<M>() };
     }
 
     pub(crate) fn adapted(&self, force_scale: T) -> Adapted<T> {
         let [_, memory, rate, stretch, bias_n] = self.used;
+        let force_scale = force_scale / exp(self.stated_used[0]);
         Adapted { force_scale, uncertainty: self.uncertainty(), memory, rate, stretch, bias_n, ageing: self.ageing }
     }
 
@@ -457,6 +505,12 @@ fn log_of_ratio<T: Real>(x: T, y: T) -> T {
     let square = part * part;
     let [third, fifth] = LOGARITHM.map(T::from_f64);
     part * (T::from_f64(2.0) + square * (third + fifth * square))
+}
+
+/// ln x of the series, so that [`exp`] gives x again: within 1e-4 for factors of 0.25 to 4.
+fn logarithm<T: Real>(x: T) -> T {
+    let near = log_of_ratio(x, T::from_f64(1.0));
+    near + log_of_ratio(x, exp(near))
 }
 
 /// e^x within 1e-4 for x of −2 to 2, in operations that are the same everywhere.

@@ -393,6 +393,12 @@ impl<T: Real, M: Memory<T>, const TICKS: usize, const PAST: usize> FollowerState
         self.compensator.restore(adapted)
     }
 
+    /// [`TrackingState::set_temperature_factors`].
+    #[allow(clippy::missing_errors_doc)] // as there
+    pub fn set_temperature_factors(&mut self, stiffness: T, time: T) -> Result<(), ControlError> {
+        self.compensator.set_temperature_factors(stiffness, time)
+    }
+
     /// [`TrackingState::forget_changes`].
     pub fn forget_changes(&mut self) {
         self.compensator.forget_changes();

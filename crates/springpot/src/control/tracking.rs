@@ -247,6 +247,19 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         Ok(())
     }
 
+    /// From now on the film has a temperature at which its stiffness and its relaxation times are these factors of those of its law
+    /// ([`TemperatureDependence`](crate::TemperatureDependence)): they come into use with a time constant of a second, with or without a sensor, beside what is
+    /// learned, which is then what differs from that film. While nothing is learned this [holds](Adapting::Hold); [off](Adapting::Off) forgets the temperature.
+    ///
+    /// Modes faster than 2/s keep their rates, as with what is learned.
+    ///
+    /// # Errors
+    ///
+    /// [`ControlError::OutOfRange`] for a stiffness beyond 0.25 to 4, and times beyond a third to three times; then nothing changes.
+    pub fn set_temperature_factors(&mut self, stiffness: T, time: T) -> Result<(), ControlError> {
+        self.adaptation.set_temperature_factors::<M>([stiffness, time])
+    }
+
     /// [`Adapted::ageing`].
     #[must_use]
     #[inline]

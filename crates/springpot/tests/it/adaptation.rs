@@ -9,7 +9,8 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use springpot::{
     Actuator, Adapted, Adapting, Applied, CommandLimits, Law, LawOptions, LawState, Load, Maxwell, Measure,
-    ObserverOptions, Real, SensorSample, Spring, Springpot, Topology, Tracking, TrackingState, VoltageDrive,
+    ObserverOptions, Real, SensorSample, Spring, Springpot, TemperatureDependence, Topology, Tracking, TrackingState,
+    VoltageDrive,
 };
 
 use crate::support::full_sweep;
@@ -283,6 +284,86 @@ fn what_was_learned_is_restored() {
             assert!(refused.restore(&unsound).is_err() && refused == before, "{unsound:?}");
         }
     }
+}
+
+/// Springs and dashpots that warm from 22 to 34 °C within two minutes, as they are integrated, without any sensor: RMS error (%) from the first minute on of
+/// tracking that is `told` the temperature once a second, and its state.
+fn warmed(told: bool) -> (f64, TrackingState<f32>) {
+    const SUBSTEPS: u32 = 20;
+    let dependence = TemperatureDependence { reference_c: 22.0, stiffness_per_k: -0.01, activation_kj_per_mol: 60.0 };
+    let tracking = tracking(Kind::Straight);
+    let mut state = tracking.state(tracking.observer().law().state());
+    let drive = VoltageDrive::new(&ACTUATOR, 6000.0, 9e3).expect("valid");
+    let step_s = 1e-3 / f64::from(SUBSTEPS);
+    let (mut x, mut speed, mut dashpots, mut voltage) = (0.0, 0.0, [0.0; 2], 0.0f32);
+    let mut squares = 0.0;
+    for k in 0..240_000 {
+        let temperature_c = 22.0 + (1e-4 * f64::from(k)).min(12.0);
+        let (stiffness, time) = (dependence.stiffness_factor(temperature_c), dependence.time_factor(temperature_c));
+        if told && k % 1000 == 0 {
+            state.set_temperature_factors(stiffness as f32, time as f32).expect("within bounds");
+        }
+        tracking.observe(&mut state, Applied::as_commanded(voltage), None);
+        voltage = tracking.command(&mut state, reference_m(k as usize + 1) as f32).voltage_v;
+        squares += if k < 60_000 { 0.0 } else { (x - reference_m(k as usize)).powi(2) };
+        let force_n = drive.load(f64::from(voltage)).force_n;
+        for _ in 0..SUBSTEPS {
+            let branches = [3e3, 2e3].into_iter().zip([6e3, 8e4]).zip(&mut dashpots);
+            let held = branches.map(|((spring, dashpot), moved)| {
+                *moved += step_s * spring / (dashpot * time) * (x - *moved);
+                spring * (x - *moved)
+            });
+            let resisted = stiffness * (9e3 * x + held.sum::<f64>()) + 2.0 * speed;
+            speed += step_s * (force_n - resisted) / 0.1;
+            x += step_s * speed;
+        }
+    }
+    (100.0 / (HIGH_M - LOW_M) * (squares / 180_000.0f64).sqrt(), state)
+}
+
+/// A temperature that is stated is used without a sensor, and is no change that was learned.
+#[test]
+fn a_film_that_warms_is_followed_by_its_temperature() {
+    let (told, state) = warmed(true);
+    let (not_told, _) = warmed(false);
+    println!("{told:.3} % with the temperature, {not_told:.2} % without; {:?}", state.adapted());
+    assert!(told < 0.1 * not_told && told < 1.0, "{told} and {not_told} %");
+    let adapted = state.adapted();
+    assert!((adapted.force_scale - 1.0).abs() < 1e-3 && (adapted.rate, adapted.ageing) == (0.0, 0.0), "{adapted:?}");
+    assert_eq!(state.adapting(), Adapting::Hold);
+    let mut refused = state.clone();
+    for [stiffness, time] in [[0.2, 1.0], [1.0, 0.3], [1.0, 3.1], [f32::NAN, 1.0], [1.0, -1.0], [0.0, 1.0]] {
+        assert!(refused.set_temperature_factors(stiffness, time).is_err() && refused == state, "{stiffness} {time}");
+    }
+    // What is forgotten was learned; switched off, the law is as it was fitted.
+    let (scale, tracking) = (state.observer().force_scale(), tracking(Kind::Straight));
+    let ticks = |state: &mut TrackingState<f32>| {
+        for _ in 0..20_000 {
+            tracking.observe(state, Applied::as_commanded(2000.0), None);
+        }
+        state.observer().force_scale()
+    };
+    let mut forgotten = state.clone();
+    forgotten.forget();
+    assert!((ticks(&mut forgotten) / scale - 1.0).abs() < 1e-4 && scale > 1.1, "{scale}");
+    forgotten.set_adapting(Adapting::Off);
+    assert_eq!((ticks(&mut forgotten), forgotten.is_adapted()), (1.0, false));
+}
+
+/// A film that is at another temperature, and softer than that: the difference is learned, and both are used without the sensor.
+#[test]
+fn what_is_learned_is_beside_the_temperature() {
+    let change = Change { stiffness: 0.8, times: 0.6, ..NONE };
+    let at_temperature = |k: usize, state: &mut TrackingState<f32>| {
+        if k == 0 {
+            state.set_temperature_factors(0.9, 0.6).expect("within bounds");
+        }
+    };
+    let (error, state) = run(Kind::Straight, change, 240, |k| k < 60_000, |_, x| x, at_temperature);
+    let adapted = state.adapted();
+    println!("{error:.3} %, {adapted:?}");
+    assert!(error < 1.0 && (adapted.force_scale * 0.8 / 0.9 - 1.0).abs() < 0.03, "{error} %, {adapted:?}");
+    assert!(adapted.rate.abs() < 0.25 && adapted.ageing > 0.9, "{adapted:?}");
 }
 
 /// Sensors that lie: every number stays finite and within its bounds, and the film within what the sensor's error explains.

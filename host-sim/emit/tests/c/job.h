@@ -66,6 +66,9 @@ static void job_adapt(const springpot_film *film, springpot_follower_state *foll
     if ((in->flags & 8192U) != 0U) {
         springpot_follower_forget_changes(follower);
     }
+    if ((in->flags & 16384U) != 0U) {
+        (void)springpot_follower_set_temperature_factors(film, follower, 0.8F * in->b, 700.0F * in->a);
+    }
 }
 
 /* Self-sensing. */

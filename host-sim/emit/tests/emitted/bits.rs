@@ -10,7 +10,7 @@ use springpot::SensorSample;
 
 use crate::circuit;
 use crate::films::{self, Case};
-use crate::job::{self, FORGET_CHANGES, HOLD, Input, Kind, LEARN, OFF, RESTORE};
+use crate::job::{self, FORGET_CHANGES, HOLD, Input, Kind, LEARN, OFF, RESTORE, TEMPERATURE};
 use crate::program::{STRICT, Sources};
 use crate::recordings::recordings;
 
@@ -70,6 +70,7 @@ pub fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
                 // The law follows its film from here on.
                 _ if k == steps / 4 || k == steps / 2 + 1 => LEARN,
                 _ if k == steps * 7 / 10 => RESTORE,
+                _ if k == steps * 4 / 5 || k == steps * 23 / 24 => TEMPERATURE,
                 _ if k == steps * 11 / 12 => OFF,
                 _ => 0,
             };
@@ -191,8 +192,8 @@ fn with_orders(ticks: usize) -> Vec<Input> {
                 displacement_m: if is_wrong { f32::NAN } else { 1.03 * reference + noise },
                 age_ticks: if is_old { random.random_range(50..80) } else { random.random_range(0..15) },
             });
-            let orders =
-                [1, 16, 16, 32, 32, 64, 128, 256, LEARN, LEARN, HOLD, OFF, OFF, RESTORE, RESTORE, FORGET_CHANGES];
+            let of_changes = [LEARN, LEARN, HOLD, OFF, OFF, RESTORE, RESTORE, FORGET_CHANGES, TEMPERATURE, TEMPERATURE];
+            let orders = [[1, 16, 16, 32, 32, 64, 128, 256].as_slice(), &of_changes].concat();
             let order = orders.get(random.random_range(0..8000)).copied().unwrap_or(0);
             Input {
                 a: if is_nan || k == 0 { f32::NAN } else { reference },

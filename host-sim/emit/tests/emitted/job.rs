@@ -47,6 +47,7 @@ pub const HOLD: u32 = 1024;
 pub const OFF: u32 = 2048;
 pub const RESTORE: u32 = 4096;
 pub const FORGET_CHANGES: u32 = 8192;
+pub const TEMPERATURE: u32 = 16384;
 
 /// The output of a step: five numbers by their bits, and flags or a count.
 pub type Row = [u32; 6];
@@ -227,6 +228,10 @@ fn adapt(state: &mut FollowerState<f32, Tracking<f32>>, input: &Input) {
             let _ = state.restore(&adapted);
         }
         FORGET_CHANGES => state.forget_changes(),
+        TEMPERATURE => {
+            // As what is restored.
+            let _ = state.set_temperature_factors(0.8 * input.b, 700.0 * input.a);
+        }
         _ => {}
     }
 }
@@ -252,7 +257,7 @@ fn follow<C: Compensator<f32>>(
             64 => state.forget_cycles(),
             128 => state.set_feedback(false),
             256 => state.set_feedback(true),
-            LEARN | HOLD | OFF | RESTORE | FORGET_CHANGES => adapt(&mut state, input),
+            LEARN | HOLD | OFF | RESTORE | FORGET_CHANGES | TEMPERATURE => adapt(&mut state, input),
             other => panic!("{other} is no order"),
         }
         let applied = commanded * put_out(input);

@@ -104,7 +104,7 @@ impl Film {
     /// The options with which it is fitted.
     fn options(&self) -> FitOptions {
         let curve = if self.parameters.spring.is_some() { CurveChoice::Series } else { CurveChoice::None };
-        FitOptions { branches: Branches::Number(1), curve, starts: 4, ..FitOptions::default() }
+        FitOptions { branches: Branches::Auto, curve, ..FitOptions::default() }
     }
 }
 
@@ -119,46 +119,54 @@ fn tried(recordings: &[Recording], options: &FitOptions) -> host_io::Result<(Fit
 
 /// Error (%, RMS of peak to peak) of feedforward with `parameters` on `film` at a temperature, and the interval that was stated.
 fn followed(film: &Film, parameters: &Parameters, temperature_c: f64) -> (f64, [f64; 2]) {
-    let parameters = parameters.at_temperature(temperature_c).expect("within reach");
+    followed_with(film, &parameters.at_temperature(temperature_c).expect("within reach"), temperature_c)
+}
+
+/// The same with parameters that do not know the temperature.
+fn followed_with(film: &Film, parameters: &Parameters, temperature_c: f64) -> (f64, [f64; 2]) {
     let grid = Grid::covering(60.0, 1000.0).expect("a grid");
     let wanted: Vec<f64> = grid.times_s().iter().map(|&t| risen_sine_m(t, 2.0, 0.3e-3, 0.8e-3, 0.2)).collect();
     let options = RunOptions { rate_hz: 1000.0, memory: MemoryChoice::Compressed, precision: Precision::F64 };
-    let plan = feedforward::plan(&parameters, &wanted, grid, &options, LIMITS, &ProgressBar::hidden()).expect("a plan");
+    let plan = feedforward::plan(parameters, &wanted, grid, &options, LIMITS, &ProgressBar::hidden()).expect("a plan");
     let moved = film.displacement_m(&plan.voltage_v, temperature_c);
     let squares = moved.iter().zip(&wanted).skip(2000).map(|(x, w)| (x - w).powi(2));
     let error_pct = 100.0 * (squares.sum::<f64>() / (wanted.len() - 2000) as f64).sqrt() / 0.5e-3;
-    let recorded = Recorded::from_parameters(&parameters).expect("written by the fit");
-    (error_pct, recorded.expectation(&parameters, &wanted, grid, 0.5e-3, plan.voltage_v).feedforward_error_pct)
+    let recorded = Recorded::from_parameters(parameters).expect("written by the fit");
+    (error_pct, recorded.expectation(parameters, &wanted, grid, 0.5e-3, plan.voltage_v).feedforward_error_pct)
 }
 
 /// Slope and activation energy are those of the film, and feedforward follows at temperatures between those of the recordings.
 #[test]
 fn the_dependence_on_the_temperature_is_found() {
-    let films = if full_sweep() { 0..40 } else { 0..4 };
-    let (mut inside, mut references) = (0, 0);
+    let films = if full_sweep() { 0..40 } else { 0..3 };
+    let (mut inside, mut errors_pct, mut ignored_pct) = (0, Vec::new(), Vec::new());
     for seed in films {
         let film = Film::random(seed);
-        let (fit, parameters) = tried(&film.recordings(), &film.options()).expect("a fit");
-        let found = parameters.temperature.expect("three temperatures");
-        let at_reference = TemperatureDependence::with_reference(&found, REFERENCE_C).expect("near");
-        println!(
-            "{seed}: {:?}, is {:.5} and {:.2}; R² {:.6}, {} evaluations",
-            at_reference, film.stiffness_per_k, film.activation_kj_per_mol, fit.r2_mean, fit.evaluations
-        );
-        for warning in &fit.warnings {
-            println!("   {warning}");
-        }
+        let (_, parameters) = tried(&film.recordings(), &film.options()).expect("a fit");
+        let found = parameters.temperature.expect("three temperatures").with_reference(REFERENCE_C).expect("near");
+        println!("{seed}: {found:?} of {:.5}/K and {:.2} kJ/mol", film.stiffness_per_k, film.activation_kj_per_mol);
+        assert!((found.stiffness_per_k - film.stiffness_per_k).abs() < 2e-4, "{seed}: {found:?}");
+        assert!((found.activation_kj_per_mol - film.activation_kj_per_mol).abs() < 2.5, "{seed}: {found:?}");
         for temperature_c in [20.0, 25.0, 34.0] {
             let (error_pct, [low, high]) = followed(&film, &parameters, temperature_c);
-            println!("   {temperature_c} °C: {error_pct:.3} % of {low:.3} to {high:.3}");
-            references += 1;
+            println!("   {temperature_c} °C: {error_pct:.3} % of {low:.3} to {high:.3} %");
             inside += usize::from((low..=high).contains(&error_pct));
-            assert!(error_pct < 1.0, "{seed} at {temperature_c} °C: {error_pct} %");
+            errors_pct.push(error_pct);
+            ignored_pct.push(followed_with(&film, &parameters, temperature_c).0);
         }
-        assert!((at_reference.stiffness_per_k - film.stiffness_per_k).abs() < 5e-4, "{seed}");
-        assert!((at_reference.activation_kj_per_mol - film.activation_kj_per_mol).abs() < 4.0, "{seed}");
     }
-    assert!(inside * 100 >= 95 * references, "{inside} of {references}");
+    let count = errors_pct.len();
+    let within = errors_pct.iter().filter(|error| **error <= 1.0).count();
+    let [median_pct, unknown_pct] = [&mut errors_pct, &mut ignored_pct].map(|errors| {
+        errors.sort_by(f64::total_cmp);
+        errors[count / 2]
+    });
+    let largest_pct = errors_pct[count - 1];
+    println!(
+        "{count}: median {median_pct:.3} %, largest {largest_pct:.3} %, {within} within 1 %, {inside} as stated; without the temperature {unknown_pct:.2} %"
+    );
+    assert!(20 * (count - within) <= count && largest_pct < 2.0 && 20 * (count - inside) <= count);
+    assert!(unknown_pct > 10.0 * median_pct, "the temperature matters");
 }
 
 /// Recordings at one temperature are fitted as without the column, to the bit.
