@@ -46,6 +46,15 @@ pub enum AdaptationOrder {
     /// Store what was learned with the parameters, which stay as they are: in use, and held, from the next start on. Stores that nothing was learned
     /// where the law is as it was fitted. While the amplifier is off.
     Keep,
+    /// The film is at another temperature, beside what is learned, with or without a sensor:
+    /// [`set_temperature_factors`](springpot::TrackingState::set_temperature_factors). It stays over runs, stops and trips; with [`Off`](Self::Off), other
+    /// parameters or a restart it is forgotten.
+    Temperature {
+        /// Its stiffness over that of its law, 0.25 to 4.
+        stiffness: f32,
+        /// Its relaxation times over those of its law, a third to three times.
+        time: f32,
+    },
 }
 
 /// How far a film has moved from its law.
@@ -58,6 +67,10 @@ pub struct AdaptationStatus {
     pub adapted: Adapted<f32>,
     /// Ageing from which a run trips; infinite before it was first ordered to learn.
     pub trip_at: f32,
+    /// Factor of the stiffness at the film's [temperature](AdaptationOrder::Temperature), and of its relaxation times; 1 where none was ordered.
+    pub stiffness: f32,
+    /// See [`stiffness`](Self::stiffness).
+    pub time: f32,
 }
 
 /// The record of a tick, for a host's log.

@@ -416,7 +416,8 @@ impl<M: ControllerMemory> Device<M> {
     ///
     /// # Errors
     ///
-    /// [`Reject::NoParameters`]; [`Reject::Value`] for a level that is not above 0, and where the parameters ask for no adaptation.
+    /// [`Reject::NoParameters`]; [`Reject::Value`] for a level that is not above 0, where the parameters ask for no adaptation, and for a temperature beyond
+    /// what a law follows.
     pub fn order_adaptation(&mut self, order: AdaptationOrder) -> Result<(), Denial> {
         let controller = self.installed()?;
         if let AdaptationOrder::Learn { trip_at } = order
@@ -424,8 +425,7 @@ impl<M: ControllerMemory> Device<M> {
         {
             return Err(Denial::Rejected(Reject::Value));
         }
-        controller.order_adaptation(order);
-        Ok(())
+        controller.order_adaptation(order).map_err(|_| Denial::Rejected(Reject::Value))
     }
 
     /// The parameters in force, with what was learned of the film.
@@ -435,9 +435,8 @@ impl<M: ControllerMemory> Device<M> {
     /// [`Reject::NoParameters`]; while the amplifier may be enabled.
     pub fn adapted_parameters(&mut self) -> Result<Parameters<M>, Denial> {
         self.is_off()?;
-        let controller = self.installed()?;
-        controller.order_adaptation(AdaptationOrder::Keep);
-        Ok(controller.parameters().clone())
+        self.order_adaptation(AdaptationOrder::Keep)?;
+        Ok(self.installed()?.parameters().clone())
     }
 
     /// [`Controller::adaptation`].

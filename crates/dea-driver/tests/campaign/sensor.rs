@@ -165,6 +165,14 @@ impl Case {
         })
     }
 
+    /// A temperature that is not the film's, of every other fourth law that adapts: anything that can be stated.
+    fn stated(&self) -> Option<AdaptationOrder> {
+        let mut random = Pcg64::seed_from_u64(self.number);
+        let mut within = |bound: f32| random.random_range(-bound..bound).exp();
+        (self.adapts && self.number % 4 == 2)
+            .then(|| AdaptationOrder::Temperature { stiffness: within(1.386), time: within(1.098) })
+    }
+
     /// Ticks after the fault.
     fn duration(&self) -> u32 {
         match self.fault {
@@ -200,7 +208,10 @@ impl Run {
         let parameters = Parameters { limits, control, adapted: case.kept(), ..parameters };
         let mut controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
         if case.adapts {
-            controller.order_adaptation(AdaptationOrder::Learn { trip_at: f32::INFINITY });
+            controller.order_adaptation(AdaptationOrder::Learn { trip_at: f32::INFINITY }).expect("no bounds");
+        }
+        if let Some(temperature) = case.stated() {
+            controller.order_adaptation(temperature).expect("within bounds");
         }
         Self {
             controller,
@@ -299,7 +310,7 @@ enum End {
 /// Whether a healthy film of that kind may trip so: the check notices a film that the model does not describe.
 fn is_honest(case: &Case, cause: Cause, furthest_m: f64) -> bool {
     match cause {
-        _ if case.kept().is_some() => true,
+        _ if case.kept().is_some() || case.stated().is_some() => true,
         Cause::Displacement => furthest_m > 0.97 * case.limit_m,
         Cause::Disturbance => case.film != "model",
         // It hardly moves while the voltage does.

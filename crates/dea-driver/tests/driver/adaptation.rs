@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use dea_driver::wire::{Answer, Command, Reject};
 use dea_driver::{
     AdaptationOrder, AdaptationStatus, BLOB_LEN, Blob, BlobError, Cause, Control, Controller, DriverState,
-    LearningOrder, Mode, OnSensorFault, Parameters,
+    LearningOrder, Limits, Mode, OnSensorFault, Parameters,
 };
 use springpot::{Adapted, Adapting, ControlError};
 
@@ -55,7 +55,7 @@ fn what_was_learned_is_used_when_the_sensor_goes() {
     let error_m = |order: Option<AdaptationOrder>| {
         let mut bench = bench(0.9);
         if let Some(order) = order {
-            bench.ask(|controller| controller.order_adaptation(order));
+            bench.ask(|controller| controller.order_adaptation(order)).expect("within bounds");
         }
         bench.start(Mode::Tracking);
         run(&mut bench, [0, 60], false);
@@ -81,7 +81,7 @@ fn what_was_learned_is_used_when_the_sensor_goes() {
 fn it_is_held_forgotten_and_switched_off() {
     let learned = || {
         let mut bench = bench(0.9);
-        bench.ask(|controller| controller.order_adaptation(LEARN));
+        bench.ask(|controller| controller.order_adaptation(LEARN)).expect("within bounds");
         bench.start(Mode::Tracking);
         run(&mut bench, [0, 30], false);
         bench
@@ -89,18 +89,18 @@ fn it_is_held_forgotten_and_switched_off() {
     let ageing = |bench: &Bench| bench.controller.adaptation().adapted.ageing;
 
     let mut held = learned();
-    held.ask(|controller| controller.order_adaptation(AdaptationOrder::Hold));
+    held.ask(|controller| controller.order_adaptation(AdaptationOrder::Hold)).expect("within bounds");
     let before = ageing(&held);
     held.force_scale = 1.1;
     run(&mut held, [30, 60], false);
     assert!(before > 0.8 && (ageing(&held) - before).abs() < 0.02, "{before}: {:?}", held.controller.adaptation());
-    held.ask(|controller| controller.order_adaptation(AdaptationOrder::Off));
+    held.ask(|controller| controller.order_adaptation(AdaptationOrder::Off)).expect("within bounds");
     run(&mut held, [60, 90], false);
     assert_eq!((ageing(&held), held.controller.adaptation().adapting), (0.0, Adapting::Off));
 
     let mut forgotten = learned();
     forgotten.force_scale = 1.0;
-    forgotten.ask(|controller| controller.order_adaptation(AdaptationOrder::Forget));
+    forgotten.ask(|controller| controller.order_adaptation(AdaptationOrder::Forget)).expect("within bounds");
     run(&mut forgotten, [30, 60], false);
     assert!(ageing(&forgotten) < 0.1, "{:?}", forgotten.controller.adaptation());
     assert_eq!(forgotten.controller.adaptation().adapting, Adapting::Learn);
@@ -117,7 +117,7 @@ fn it_is_held_forgotten_and_switched_off() {
 fn a_film_that_has_aged_too_far_trips() {
     for (force_scale, trip_at, trips) in [(0.9, 0.8, true), (0.9, 1.5, false), (1.3, 2.0, true), (1.0, 0.8, false)] {
         let mut bench = bench(force_scale);
-        bench.ask(|controller| controller.order_adaptation(AdaptationOrder::Learn { trip_at }));
+        bench.ask(|controller| controller.order_adaptation(AdaptationOrder::Learn { trip_at })).expect("within bounds");
         bench.start(Mode::Tracking);
         run(&mut bench, [0, 60], false);
         let wanted = if trips { DriverState::Tripped(Cause::Ageing) } else { DriverState::Running };
@@ -129,14 +129,62 @@ fn a_film_that_has_aged_too_far_trips() {
     }
 }
 
+/// A film at another temperature is followed without a sensor once the temperature is ordered, over stops and trips, in feedforward too; the stroke
+/// that is watched is that of the film as it was fitted.
+#[test]
+fn a_temperature_that_is_ordered_is_used() {
+    // 0.9 of the force is 1/0.9 of the stiffness.
+    let order = AdaptationOrder::Temperature { stiffness: 1.0 / 0.9, time: 1.0 };
+    let followed = |ordered: bool| {
+        let mut bench = bench(0.9);
+        if ordered {
+            bench.ask(|controller| controller.order_adaptation(order)).expect("within bounds");
+            bench.ask(|controller| controller.trip(Cause::Interlock));
+            bench.run(1000);
+            bench.ask(Controller::acknowledge).expect("tripped");
+        }
+        bench.start(Mode::Feedforward);
+        (run(&mut bench, [0, 20], true), bench)
+    };
+    let [(fitted_m, _), (ordered_m, mut bench)] = [false, true].map(followed);
+    assert!(ordered_m < 5e-6 && fitted_m > 40e-6, "{ordered_m} and {fitted_m} m");
+    let AdaptationStatus { adapting, adapted, stiffness, time, .. } = bench.controller.adaptation();
+    assert!((stiffness * 0.9 - 1.0).abs() < 1e-3 && time == 1.0);
+    assert_eq!((adapting, adapted.ageing), (Adapting::Hold, 0.0));
+    for (stiffness, time) in [(0.2, 1.0), (1.0, 3.5), (f32::NAN, 1.0)] {
+        let order = AdaptationOrder::Temperature { stiffness, time };
+        assert!(bench.ask(|controller| controller.order_adaptation(order)).is_err());
+    }
+    assert_eq!(bench.controller.adaptation().stiffness, stiffness);
+
+    // A film that is said to be stiffer takes more voltage than the watch allows: it trips within its stroke.
+    let parameters = board_parameters();
+    let limits = Limits { max_displacement_m: 1e-3, on_sensor_fault: OnSensorFault::OpenLoop, ..parameters.limits };
+    let mut wrong = Bench::with(Parameters { limits, ..parameters });
+    let order = AdaptationOrder::Temperature { stiffness: 3.0, time: 1.0 };
+    wrong.ask(|controller| controller.order_adaptation(order)).expect("within bounds");
+    wrong.start(Mode::Feedforward);
+    let mut furthest_m = 0.0f64;
+    for k in 0..20_000 {
+        wrong.set_reference(0.7e-6 * (k.min(1000) as f32));
+        wrong.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(u16::MAX)));
+        furthest_m = furthest_m.max(wrong.displacement_m);
+        if state(&wrong) != DriverState::Running {
+            break;
+        }
+    }
+    assert_eq!(state(&wrong), DriverState::Tripped(Cause::ModelDisplacement));
+    assert!(furthest_m < 1e-3, "{furthest_m} m");
+}
+
 /// The changes of a film are stored with the parameters, and used by the controller that is built from them: as good without a sensor as before.
 #[test]
 fn what_was_kept_is_used_after_a_restart() {
     let mut learned = bench(0.9);
-    learned.ask(|controller| controller.order_adaptation(LEARN));
+    learned.ask(|controller| controller.order_adaptation(LEARN)).expect("within bounds");
     learned.start(Mode::Tracking);
     run(&mut learned, [0, 60], false);
-    learned.ask(|controller| controller.order_adaptation(AdaptationOrder::Keep));
+    learned.ask(|controller| controller.order_adaptation(AdaptationOrder::Keep)).expect("within bounds");
     let kept = encoded(learned.controller.parameters(), BOARD);
     let read = Blob::decode(&kept, BOARD).expect("its own").into_parameters();
     assert_eq!(&read, learned.controller.parameters());

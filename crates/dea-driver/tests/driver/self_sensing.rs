@@ -337,7 +337,7 @@ fn a_current_monitor_that_lies_slowly_does_not_raise_the_stroke() {
                 let mut bench = Bench::with(parameters, true);
                 bench.film.force_scale = force_scale;
                 if let Some(order) = order {
-                    bench.film.ask(|controller| controller.order_adaptation(order));
+                    bench.film.ask(|controller| controller.order_adaptation(order)).expect("within bounds");
                 }
                 bench.start(Mode::Tracking);
                 let mut furthest_m = 0.0f64;

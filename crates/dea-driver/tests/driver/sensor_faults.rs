@@ -180,7 +180,7 @@ fn a_sensor_that_lies_slowly_does_not_raise_the_stroke() {
                 parameters.limits.max_disturbance_share = 0.4;
                 let mut bench = FilmBench { force_scale, ..FilmBench::with(parameters) };
                 if let Some(order) = adaptation {
-                    bench.ask(|controller| controller.order_adaptation(order));
+                    bench.ask(|controller| controller.order_adaptation(order)).expect("within bounds");
                 }
                 let end = run_on(bench, &lie, 600_000);
                 println!("{adaptation:?}, {name}, {force_scale}: {end:?}");

@@ -491,6 +491,11 @@ impl<T: Real, P> AdaptationState<T, P> {
         T::from_f64(EXPECTED[SCALE]) * variance.sqrt()
     }
 
+    /// Factors of stiffness and times at the temperature that was stated.
+    pub(crate) fn temperature_factors(&self) -> [T; 2] {
+        self.stated.map(|stated| exp(-stated))
+    }
+
     /// The law comes back into use, and nothing is known of the film.
     pub(crate) fn forget(&mut self) {
         self.estimates = [T::ZERO; PARAMETERS];

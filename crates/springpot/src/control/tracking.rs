@@ -260,6 +260,12 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         self.adaptation.set_temperature_factors::<M>([stiffness, time])
     }
 
+    /// The factors of stiffness and times that were [stated](Self::set_temperature_factors) last, within 1e-4; 1 where none were.
+    #[must_use]
+    pub fn temperature_factors(&self) -> [T; 2] {
+        self.adaptation.temperature_factors()
+    }
+
     /// [`Adapted::ageing`].
     #[must_use]
     #[inline]

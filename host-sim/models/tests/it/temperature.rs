@@ -18,7 +18,7 @@ use indicatif::ProgressBar;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
-use springpot::{Actuator, CommandLimits, Maxwell, Spring, Springpot, TemperatureDependence, Topology};
+use springpot::{Actuator, CommandLimits, Maxwell, Spring, Springpot, Topology};
 
 use crate::recorded::risen_sine_m;
 use crate::sweep::full_sweep;

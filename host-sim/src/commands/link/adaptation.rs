@@ -5,7 +5,8 @@ use dea_driver::wire::{AdaptationOrder, AdaptationStatus, Answer, Command};
 use serde::Serialize;
 use springpot::Adapting;
 
-use super::Token;
+use super::{Source, Token};
+use crate::commands::options::AtTemperature;
 use crate::error::{Error, Result};
 use crate::link::Client;
 use crate::quantity;
@@ -22,6 +23,11 @@ pub(super) struct Adaptation {
     /// With learn: ageing from which a run trips, 1 for a tenth in stiffness. The default is 3.
     #[arg(long, value_name = "AGEING", value_parser = quantity::number)]
     trip_at: Option<f64>,
+    /// With temperature: that of the film now, °C. With --params, the file of the parameters that the board runs.
+    #[arg(long, value_name = "C", allow_negative_numbers = true, value_parser = quantity::celsius)]
+    at: Option<f64>,
+    #[command(flatten)]
+    source: Source,
     #[command(flatten)]
     token: Token,
 }
@@ -38,6 +44,8 @@ enum Order {
     Forget,
     /// Store what was learned with the board's parameters: in use, and held, from the next start on. While the amplifier is off.
     Keep,
+    /// The film is at another temperature than its parameters: with --at and --params. It stays in use until off, an upload or a restart.
+    Temperature,
 }
 
 #[derive(Serialize)]
@@ -54,18 +62,57 @@ struct Report {
     /// None before it was first ordered to learn.
     trip_at: Option<f32>,
     needs_fit: bool,
+    /// Factors of stiffness and relaxation times at the temperature that was ordered.
+    stiffness_at_temperature: f32,
+    times_at_temperature: f32,
 }
 
 impl Adaptation {
-    pub(super) fn check(&self) -> Result<()> {
+    /// The blob of the parameters that the board must run, for a temperature.
+    pub(super) fn check(&self) -> Result<Option<Vec<u8>>> {
         match (self.trip_at, self.order) {
-            (None, _) => Ok(()),
-            (Some(level), Some(Order::Learn)) => quantity::positive("trip_at", level),
-            (Some(_), _) => Err(Error::field("trip_at", "is a level of learning: `adaptation learn --trip-at AGEING`")),
+            (Some(level), Some(Order::Learn)) => quantity::positive("trip_at", level)?,
+            (Some(_), _) => {
+                return Err(Error::field("trip_at", "is a level of learning: `adaptation learn --trip-at AGEING`"));
+            }
+            (None, _) => {}
+        }
+        match self.order {
+            Some(Order::Temperature) => {
+                self.factors()?;
+                self.source.blob()
+            }
+            _ if self.at.is_some() || self.source.params.is_some() || self.source.blob.is_some() => {
+                Err(Error::field("at", "is of a temperature: `adaptation temperature --at C --params P`"))
+            }
+            _ => Ok(None),
         }
     }
 
-    pub(super) fn run(&self, mut client: Client, port: String, json: bool) -> Result<()> {
+    /// Factors of the film's stiffness and times at its temperature.
+    fn factors(&self) -> Result<AdaptationOrder> {
+        let (Some(at), Some(params)) = (self.at, &self.source.params) else {
+            return Err(Error::field("at", "a temperature is needed: `adaptation temperature --at C --params P`"));
+        };
+        let parameters = AtTemperature { temperature: self.source.temperature }.load(params)?;
+        parameters.at_temperature(at)?;
+        let factors =
+            parameters.temperature.map(|dependence| (dependence.stiffness_factor(at), dependence.time_factor(at)));
+        let (stiffness, time) = factors.unwrap_or((1.0, 1.0));
+        if (0.25..=4.0).contains(&stiffness) && (1.0 / 3.0..=3.0).contains(&time) {
+            return Ok(AdaptationOrder::Temperature { stiffness: stiffness as f32, time: time as f32 });
+        }
+        let cause = format!(
+            "the film has {stiffness:.3} times its stiffness and {time:.3} times its relaxation times there; a running law follows 0.25 to 4 times and a \
+             third to three times: upload its parameters with --temperature instead"
+        );
+        Err(Error::field("at", cause))
+    }
+
+    pub(super) fn run(&self, mut client: Client, blob: Option<&[u8]>, port: String, json: bool) -> Result<()> {
+        if let Some(expected) = blob.and_then(<[u8]>::last_chunk) {
+            client.expect_parameters(u32::from_le_bytes(*expected))?;
+        }
         if let Some(order) = self.order {
             client.go_on(self.token.token);
             client.order(Command::Adapt(match order {
@@ -74,6 +121,7 @@ impl Adaptation {
                 Order::Off => AdaptationOrder::Off,
                 Order::Forget => AdaptationOrder::Forget,
                 Order::Keep => AdaptationOrder::Keep,
+                Order::Temperature => self.factors()?,
             }))?;
         }
         let status = match client.ask(Command::Adaptation)? {
@@ -86,7 +134,8 @@ impl Adaptation {
 }
 
 impl Report {
-    fn new(port: String, AdaptationStatus { adapting, adapted, trip_at }: AdaptationStatus) -> Self {
+    fn new(port: String, status: AdaptationStatus) -> Self {
+        let AdaptationStatus { adapting, adapted, trip_at, stiffness, time } = status;
         Self {
             port,
             adapting: match adapting {
@@ -103,6 +152,8 @@ impl Report {
             ageing: adapted.ageing,
             trip_at: Some(trip_at).filter(|level| level.is_finite()),
             needs_fit: adapted.needs_fit(),
+            stiffness_at_temperature: stiffness,
+            times_at_temperature: time,
         }
     }
 
@@ -116,8 +167,12 @@ impl Report {
         } else {
             ""
         };
+        let at = match (self.stiffness_at_temperature, self.times_at_temperature) {
+            (1.0, 1.0) => String::new(),
+            (stiffness, times) => format!("; at its temperature stiffness × {stiffness:.3}, times × {times:.3}"),
+        };
         format!(
-            "{}: {}; force scale {:.3} ± {:.3}, what relaxes × {:.2}, its rates × {:.2}, orders × {:.3}, {:.3} N\n\
+            "{}: {}; force scale {:.3} ± {:.3}, what relaxes × {:.2}, its rates × {:.2}, orders × {:.3}, {:.3} N{at}\n\
              ageing {:.2}{trip}{fit}",
             self.port,
             self.adapting,

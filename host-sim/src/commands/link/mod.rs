@@ -225,7 +225,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Verb::SelfTest(test) => test.check().map(|()| None)?,
         Verb::FaultInjection(faults) => faults.check().map(|()| None)?,
         Verb::FlightRecorder(recorder) => recorder.check().map(|()| None)?,
-        Verb::Adaptation(adaptation) => adaptation.check().map(|()| None)?,
+        Verb::Adaptation(adaptation) => adaptation.check()?,
         _ => None,
     };
     let (mut client, identity) = Client::new(Port::open(&arguments.port)?)?;
@@ -233,7 +233,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let done = match &arguments.verb {
         Verb::Identify => return identify(client, &identity, port, json),
         Verb::Status => return status::report(client, port, json),
-        Verb::Adaptation(adaptation) => return adaptation.run(client, port, json),
+        Verb::Adaptation(adaptation) => return adaptation.run(client, blob.as_deref(), port, json),
         Verb::Panic => return panicked(client, port, json),
         Verb::Stream(stream) => return stream.run(client, json),
         Verb::SelfTest(test) => return test.run(client, &identity, port, json),

@@ -1,6 +1,6 @@
 //! Requests between two ticks.
 
-use springpot::{Adapted, Adapting};
+use springpot::{Adapted, Adapting, ControlError};
 
 use crate::control::setpoint::{Ramp, SetpointError};
 use crate::control::{AdaptationOrder, AdaptationStatus, Controller, LearningOrder, Mode};
@@ -163,7 +163,11 @@ impl<M: ControllerMemory> Controller<M> {
 
     /// Lets the law follow a film that changes, or not. In any state; it is off in a new controller. Whatever it learns, the model that watches the
     /// stroke is the one that was fitted.
-    pub fn order_adaptation(&mut self, order: AdaptationOrder) {
+    ///
+    /// # Errors
+    ///
+    /// [`ControlError::OutOfRange`] for a [temperature](AdaptationOrder::Temperature) beyond what a law follows.
+    pub fn order_adaptation(&mut self, order: AdaptationOrder) -> Result<(), ControlError> {
         match order {
             AdaptationOrder::Learn { trip_at } => {
                 self.max_ageing = trip_at;
@@ -173,7 +177,11 @@ impl<M: ControllerMemory> Controller<M> {
             AdaptationOrder::Off => self.course.set_adapting(Adapting::Off),
             AdaptationOrder::Forget => self.course.forget_changes(),
             AdaptationOrder::Keep => self.parameters.adapted = self.learned(),
+            AdaptationOrder::Temperature { stiffness, time } => {
+                return self.course.set_temperature_factors(stiffness, time);
+            }
         }
+        Ok(())
     }
 
     /// The changes that are in use; none for the law as it was fitted.
@@ -186,7 +194,14 @@ impl<M: ControllerMemory> Controller<M> {
     #[must_use]
     pub fn adaptation(&self) -> AdaptationStatus {
         let course = self.course.compensator();
-        AdaptationStatus { adapting: course.adapting(), adapted: course.adapted(), trip_at: self.max_ageing }
+        let [stiffness, time] = course.temperature_factors();
+        AdaptationStatus {
+            adapting: course.adapting(),
+            adapted: course.adapted(),
+            trip_at: self.max_ageing,
+            stiffness,
+            time,
+        }
     }
 
     /// Most ticks over which a new target is approached.
