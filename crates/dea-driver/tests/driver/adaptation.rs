@@ -157,7 +157,7 @@ fn a_temperature_that_is_ordered_is_used() {
     }
     assert_eq!(bench.controller.adaptation().stiffness, stiffness);
 
-    // A film that is said to be stiffer takes more voltage than the watch allows: it trips within its stroke.
+    // A film that is stated to be stiffer takes more voltage than the watch allows: it trips within its stroke.
     let parameters = board_parameters();
     let limits = Limits { max_displacement_m: 1e-3, on_sensor_fault: OnSensorFault::OpenLoop, ..parameters.limits };
     let mut wrong = Bench::with(Parameters { limits, ..parameters });

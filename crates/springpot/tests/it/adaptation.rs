@@ -287,8 +287,8 @@ fn what_was_learned_is_restored() {
 }
 
 /// Springs and dashpots that warm from 22 to 34 °C within two minutes, as they are integrated, without any sensor: RMS error (%) from the first minute on of
-/// tracking that is `told` the temperature once a second, and its state.
-fn warmed(told: bool) -> (f64, TrackingState<f32>) {
+/// tracking whose temperature is `stated` once a second, and its state.
+fn warmed(stated: bool) -> (f64, TrackingState<f32>) {
     const SUBSTEPS: u32 = 20;
     let dependence = TemperatureDependence { reference_c: 22.0, stiffness_per_k: -0.01, activation_kj_per_mol: 60.0 };
     let tracking = tracking(Kind::Straight);
@@ -300,7 +300,7 @@ fn warmed(told: bool) -> (f64, TrackingState<f32>) {
     for k in 0..240_000 {
         let temperature_c = 22.0 + (1e-4 * f64::from(k)).min(12.0);
         let (stiffness, time) = (dependence.stiffness_factor(temperature_c), dependence.time_factor(temperature_c));
-        if told && k % 1000 == 0 {
+        if stated && k % 1000 == 0 {
             state.set_temperature_factors(stiffness as f32, time as f32).expect("within bounds");
         }
         tracking.observe(&mut state, Applied::as_commanded(voltage), None);
@@ -324,10 +324,10 @@ fn warmed(told: bool) -> (f64, TrackingState<f32>) {
 /// A temperature that is stated is used without a sensor, and is no change that was learned.
 #[test]
 fn a_film_that_warms_is_followed_by_its_temperature() {
-    let (told, state) = warmed(true);
-    let (not_told, _) = warmed(false);
-    println!("{told:.3} % with the temperature, {not_told:.2} % without; {:?}", state.adapted());
-    assert!(told < 0.1 * not_told && told < 1.0, "{told} and {not_told} %");
+    let (stated, state) = warmed(true);
+    let (unknown, _) = warmed(false);
+    println!("{stated:.3} % with the temperature, {unknown:.2} % without; {:?}", state.adapted());
+    assert!(stated < 0.1 * unknown && stated < 1.0, "{stated} and {unknown} %");
     let adapted = state.adapted();
     assert!((adapted.force_scale - 1.0).abs() < 1e-3 && (adapted.rate, adapted.ageing) == (0.0, 0.0), "{adapted:?}");
     assert_eq!(state.adapting(), Adapting::Hold);
