@@ -97,7 +97,16 @@ fn measured(random: &mut Pcg64, time_s: &[f64], drive: &[f64]) -> Vec<f64> {
     values
 }
 
-fn recordings(random: &mut Pcg64) -> Vec<Recording> {
+/// Temperatures (°C) of recordings, of which some have none: mostly those of a film.
+fn temperatures(seed: u64) -> [Option<f64>; 3] {
+    let mut random = Pcg64::seed_from_u64(!seed);
+    [0; 3].map(|_| {
+        let temperature_c = any(&mut random, &[20.0, 20.0, 21.0, 35.0, 50.0, -40.0, 400.0]);
+        (seed % 5 == 3 && random.random_bool(0.95)).then_some(temperature_c)
+    })
+}
+
+fn recordings(random: &mut Pcg64, temperatures_c: [Option<f64>; 3]) -> Vec<Recording> {
     let count = any(random, &[1, 1, 2, 2, 3]);
     let peak = any(random, &[3500.0, 3500.0, 3500.0, 3500.0, 3500.0, 3500.0, 1e-3, 1e9, 0.0]);
     let is_force = random.random_bool(0.3);
@@ -116,6 +125,7 @@ fn recordings(random: &mut Pcg64) -> Vec<Recording> {
             columns.push((Quantity::Weight, drive.iter().map(|u| u.max(0.0)).collect()));
         }
         columns.push((Quantity::Displacement, displacement));
+        columns.extend(temperatures_c[k].map(|value| (Quantity::Temperature, vec![value; drive.len()])));
         Recording::of_values(&format!("{k}.csv"), time_s, columns).ok()
     };
     (0..count).filter_map(recording).collect()
@@ -160,7 +170,7 @@ fn options(random: &mut Pcg64, count: usize) -> FitOptions {
 /// The fit of a random case, if it has one.
 fn fitted(seed: u64) -> Result<Fit, String> {
     let mut random = Pcg64::seed_from_u64(seed);
-    let recordings = recordings(&mut random);
+    let recordings = recordings(&mut random, temperatures(seed));
     let options = options(&mut random, recordings.len());
     let text_of = |error: host_io::Error| error.to_string();
     let settings = options.settings(None, Some((Actuator::KARNER_2022, false))).map_err(text_of)?;
