@@ -258,7 +258,7 @@ pub(crate) fn observe<'py>(
     let (source, recording) = (&model.get().source, &recording.get().recording);
     let (observed, estimates) = watch::run(py, None, |caller| {
         let observed = ObservedRecording::from_recording(recording, rate_hz)?;
-        let estimates = observed.estimate(&parameters, tuning, precision, caller);
+        let estimates = observed.estimate(&*parameters.along(recording)?, tuning, precision, caller);
         Ok((observed, estimates.map_err(|e| e.about(source, recording.path()))?))
     })?;
     let summary = estimates.summary();

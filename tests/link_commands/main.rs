@@ -309,7 +309,9 @@ fn a_temperature_is_ordered_and_shown() {
     ] {
         names(&board.fails(&order(at, params)), &[cause]);
     }
-    names(&board.fails("adaptation hold --at 30"), &["--at", "adaptation temperature"]);
+    for option in ["--at 30", "--temperature 30", "--params warm.toml"] {
+        names(&board.fails(&format!("adaptation hold {option}")), &["--at", "adaptation temperature"]);
+    }
     assert_eq!(&board.json("adaptation")["stiffness_at_temperature"], stiffness);
     assert_eq!(board.json("adaptation off")["stiffness_at_temperature"], 1.0);
 }

@@ -198,6 +198,7 @@ static inline void springpot_bring_into_use(
     const float weight = (1.0F + state->stiffer) * memory.weight;
     const float relaxing = memory.weight * (memory.force - (adaptation->lasting * memory.value));
     float changes[SPRINGPOT_PARAMETERS];
+    const springpot_parameter *scales = &adaptation->parameters[SPRINGPOT_ADAPTED_SCALE];
     const springpot_parameter *rates = &adaptation->parameters[SPRINGPOT_ADAPTED_RATE];
     float warmed[2];
     float shift = 0.0F;
@@ -242,7 +243,8 @@ static inline void springpot_bring_into_use(
     }
     /* The total force stays the same at this moment. The bias is a part of the disturbance. The force scale may be another one where this
      * begins. */
-    scale = springpot_exp(adaptation, state->used[SPRINGPOT_ADAPTED_SCALE] + state->stated_used[0]);
+    scale = state->used[SPRINGPOT_ADAPTED_SCALE] + state->stated_used[0];
+    scale = springpot_exp(adaptation, springpot_clamp(scale, -scales->restored, scales->restored));
     changes[SPRINGPOT_ADAPTED_SCALE] = ((scale / observed->force_scale) - 1.0F) - warmed[0];
     changes[SPRINGPOT_ADAPTED_BIAS] = 0.0F;
     state->ageing = 0.0F;

@@ -312,7 +312,7 @@ impl Arguments {
                 closed_loop::track(&film, bench, controller, reference, grid, &bar)
             }
             PlantChoice::Parameters(name) => {
-                let film = AtTemperature { temperature: self.plant_temperature }.load(name)?;
+                let film = options::load_at(name, "plant_temperature", self.plant_temperature)?;
                 let (substeps, substep_s) = closed_loop::substeps(grid);
                 let mut plant = FullMemoryPlant::at_rest(&film, mismatch, substep_s, substeps * grid.samples)
                     .map_err(|error| error.about(name, &self.reference))?;

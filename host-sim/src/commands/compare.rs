@@ -96,7 +96,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 /// The observations of `recordings` whose measured values lie in `window`.
 fn within(recordings: &[Recording], drive: Direction, window: Window) -> Result<Vec<Observation>> {
     let preparation = Preparation { window, ..Preparation::NONE };
-    let observe = |recording| Ok(observe_prepared(recording, drive, 1.0, preparation)?.0);
+    let observe = |recording| Ok(observe_prepared(recording, drive, 1.0, preparation)?.0.at_one_temperature());
     recordings.iter().map(observe).collect()
 }
 

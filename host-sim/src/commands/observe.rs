@@ -64,6 +64,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let tuning = Tuning::new(arguments.bandwidth, arguments.adaptation)?;
     let parameters = arguments.law.parameters()?;
     let recording = arguments.reading.read_one(&arguments.recording)?;
+    arguments.law.check_temperature(std::slice::from_ref(&recording))?;
     let parameters = parameters.along(&recording)?;
     let inputs = [arguments.recording.as_path(), arguments.law.params.as_ref()];
     output::check(&arguments.out, &inputs, Folders::Exist)?;

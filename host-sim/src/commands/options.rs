@@ -5,8 +5,9 @@ use springpot::{Actuator, CommandLimits, Discretisation};
 
 use super::choice::named;
 use super::flags::with_flags;
-use crate::error::Result;
+use crate::error::{Error, Result, shown};
 use crate::files::parameters::{Board, Parameters, plausibility};
+use crate::files::recording::Recording;
 use crate::quantity;
 use crate::replay::limits::command_limits;
 use crate::replay::memory::{MemoryChoice, Precision, RunOptions};
@@ -30,11 +31,16 @@ pub(super) struct AtTemperature {
 impl AtTemperature {
     /// The parameters named on the command line, at this temperature.
     pub(super) fn load(self, name: &str) -> Result<Parameters> {
-        let parameters = load(name)?;
-        match self.temperature {
-            Some(temperature_c) => parameters.at_temperature(temperature_c),
-            None => Ok(parameters),
-        }
+        load_at(name, "temperature", self.temperature)
+    }
+}
+
+/// The parameters named on the command line, at the temperature (°C) of the option `field`.
+pub(super) fn load_at(name: &str, field: &'static str, temperature_c: Option<f64>) -> Result<Parameters> {
+    let parameters = load(name)?;
+    match temperature_c {
+        Some(temperature_c) => parameters.at(temperature_c).map_err(|cause| Error::field(field, cause)),
+        None => Ok(parameters),
     }
 }
 
@@ -75,6 +81,21 @@ impl LawOptions {
     /// The parameters, stepped by the method.
     pub(super) fn parameters(&self) -> Result<Parameters> {
         Ok(self.temperature.load(&self.params)?.with_method(self.method))
+    }
+
+    /// Refuses a temperature for `recordings` that have their own.
+    pub(super) fn check_temperature(&self, recordings: &[Recording]) -> Result<()> {
+        let own = recordings.iter().find(|recording| recording.temperature_c().is_some());
+        match (self.temperature.temperature, own) {
+            (Some(_), Some(recording)) => {
+                let cause = format!(
+                    "{} has a column temperature_c, at which its film is: leave the option out",
+                    shown(recording.path())
+                );
+                Err(Error::field("temperature", cause))
+            }
+            _ => Ok(()),
+        }
     }
 }
 

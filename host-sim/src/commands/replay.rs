@@ -102,6 +102,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let parameters = arguments.model.law.parameters()?;
     // All are read before any is run: a bad one is refused at once.
     let recordings = arguments.reading.read(&arguments.recordings)?;
+    arguments.model.law.check_temperature(&recordings)?;
     let comparisons = recordings
         .iter()
         .map(|recording| Comparison::new(recording, arguments.drive, &parameters, options.rate_hz))

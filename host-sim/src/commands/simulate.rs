@@ -46,6 +46,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let options = arguments.model.run_options();
     let parameters = arguments.model.law.parameters()?;
     let recording = arguments.reading.read_one(&arguments.profile)?;
+    arguments.model.law.check_temperature(std::slice::from_ref(&recording))?;
     let parameters = parameters.along(&recording)?;
     let inputs = [arguments.profile.as_path(), arguments.model.law.params.as_ref()];
     output::check(&arguments.out, &inputs, Folders::Exist)?;

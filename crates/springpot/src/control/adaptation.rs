@@ -289,14 +289,14 @@ impl<T: Real> Adaptation<T> {
         }
         // The total force stays the same at this moment. The bias is a part of the disturbance. The force scale may be another one where
         // this begins.
-        let scale = exp(state.used[SCALE] + state.stated_used[0]);
+        let [scale, _, rate, ..] = BOUNDS.map(|bound| T::from_f64(bound * ROUNDED));
+        let scale = exp(clamp(state.used[SCALE] + state.stated_used[0], -scale, scale));
         let grown = scale / observed.force_scale();
         changes[SCALE] = grown - one - warmed[0];
         changes[BIAS] = T::ZERO;
         let shift = changes.iter().zip(&forces).fold(T::ZERO, |sum, (&change, &force)| sum + change * force);
         state.steps = [changes[RATE], changes[STRETCH]];
-        let bound = T::from_f64(BOUNDS[RATE] * ROUNDED);
-        state.rate = clamp(state.used[RATE] + state.stated_used[1], -bound, bound);
+        state.rate = clamp(state.used[RATE] + state.stated_used[1], -rate, rate);
         observed.adapt_to(scale, shift, state.used[BIAS]);
         state.stiffer = exp(state.used[MEMORY]) - one;
         let moved = state.used.iter().zip(AGED).map(|(used, aged)| used.abs() * T::from_f64(1.0 / aged));

@@ -249,7 +249,8 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
 
     /// From now on the film has a temperature at which its stiffness and its relaxation times are these factors of those of its law
     /// ([`TemperatureDependence`](crate::TemperatureDependence)): they come into use with a time constant of a second, with or without a sensor, beside what is
-    /// learned, which is then what differs from that film. While nothing is learned this [holds](Adapting::Hold); [off](Adapting::Off) forgets the temperature.
+    /// learned, which is then what differs from that film. Where the law does not [learn](Adapting::Learn) it is [held](Adapting::Hold) from now on, and the observer's own force
+    /// scale no longer adapts; [off](Adapting::Off) forgets the temperature.
     ///
     /// Modes faster than 2/s keep their rates, as with what is learned.
     ///

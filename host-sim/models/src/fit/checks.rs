@@ -6,7 +6,7 @@ use std::fmt;
 use host_io::choice::Choice;
 use num_complex::Complex;
 use serde::Serialize;
-use springpot::{Actuator, Maxwell, Springpot, Topology};
+use springpot::{Actuator, Maxwell, Springpot, TemperatureDependence, Topology};
 
 use super::candidate::Candidate;
 use super::observation::{Excitation, MIN_SPAN_K, Observation, temperatures_c};
@@ -31,8 +31,26 @@ pub fn of_sizes(settings: &Settings, excitation: Excitation, warnings: &mut Vec<
     }
 }
 
-/// Temperatures whose effect was not fitted.
+/// Temperatures whose effect was not fitted, or is that of no elastomer.
 pub fn of_temperatures(observations: &[Observation], candidate: &Candidate, warnings: &mut Vec<Warning>) {
+    /// Slopes, 1/K, and activation energies, kJ/mol, of elastomers.
+    const MAX_SLOPE: f64 = 0.03;
+    const ACTIVATIONS: std::ops::RangeInclusive<f64> = -10.0..=250.0;
+    if let Some(TemperatureDependence { stiffness_per_k, activation_kj_per_mol, .. }) = candidate.temperature
+        && (stiffness_per_k.abs() > MAX_SLOPE || !ACTIVATIONS.contains(&activation_kj_per_mol))
+    {
+        warnings.push(Severity::Serious.warning(format!(
+            "{:.1} % of the stiffness per K and {activation_kj_per_mol:.0} kJ/mol are those of no elastomer: record the same voltages at each temperature",
+            100.0 * stiffness_per_k
+        )));
+    }
+    let has = |observation: &&Observation| observation.temperature_c.is_some();
+    if let (Some(_), Some(without)) = (observations.iter().find(has), observations.iter().find(|o| !has(o))) {
+        warnings.push(Severity::Serious.warning(format!(
+            "{} has no column temperature_c, and others have: it is taken as at their temperature",
+            without.name
+        )));
+    }
     let Some((low, high)) = temperatures_c(observations).filter(|_| candidate.temperature.is_none()) else { return };
     let text = if high - low < MIN_SPAN_K {
         format!(

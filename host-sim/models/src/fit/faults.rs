@@ -8,6 +8,7 @@ mod causes;
 mod stuck;
 mod voltage;
 
+use std::cmp::Ordering;
 use std::f64::consts::TAU;
 
 use super::explained::{Basis, Blocks, Course};
@@ -201,19 +202,25 @@ pub(crate) fn faults_at_temperatures<R>(
     course: impl Fn(&R) -> Option<Course>,
     fastest_hz: f64,
 ) -> Vec<Fault> {
+    let mut sorted: Vec<(Option<f64>, &R)> =
+        recordings.iter().map(|recording| (temperature_c(recording), recording)).collect();
+    let known = sorted.iter().filter_map(|(temperature_c, _)| *temperature_c);
+    let (low, high) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), t| (low.min(t), high.max(t)));
+    let is_one = high - low < observation::MIN_SPAN_K || high < low;
+    if !is_one {
+        sorted.sort_by(|(a, _), (b, _)| a.partial_cmp(b).unwrap_or(Ordering::Equal));
+    }
     let mut groups: Vec<(Option<f64>, Vec<&R>)> = Vec::new();
-    for recording in recordings {
-        let own = temperature_c(recording);
+    for (own, recording) in sorted {
         let is_near = |other: Option<f64>| match (own, other) {
-            (Some(own), Some(other)) => (own - other).abs() < observation::MIN_SPAN_K,
-            _ => true,
+            (Some(own), Some(other)) => own - other < observation::MIN_SPAN_K,
+            (own, other) => own == other,
         };
-        match groups.iter_mut().find(|(other, _)| is_near(*other)) {
+        match groups.last_mut().filter(|(other, _)| is_one || is_near(*other)) {
             Some((_, group)) => group.push(recording),
             None => groups.push((own, vec![recording])),
         }
     }
-    let is_one = groups.len() < 2;
     let found =
         groups.into_iter().flat_map(|(_, group)| faults(group.into_iter().filter_map(&course).collect(), fastest_hz));
     found.filter(|fault| is_one || !matches!(fault.effect, Effect::Lag(_))).collect()

@@ -169,32 +169,49 @@ fn with_zeros(observations: &[Observation], reading: Reading) -> Vec<Observation
     observations.iter().map(with).collect()
 }
 
-/// `observations` at one temperature where neither recordings nor a start show what others do. A film rests elsewhere at another one, so each has a zero
-/// of its own.
+/// `observations` for a fit of the temperature. Where neither they nor a start show its effect, they are at the mean of their temperatures. Where they do, each has a
+/// zero of its own, since a film rests elsewhere at another temperature.
 ///
 /// # Errors
 ///
-/// [`Error::Field`] where only some of the recordings that differ have a temperature.
+/// [`Error::Computation`] where only some of the recordings that differ have a temperature, [`Error::Field`] for a start with a spring that a fit does not
+/// change.
 fn with_temperatures(
     mut observations: Vec<Observation>,
     settings: &Settings,
     is_solved: bool,
 ) -> Result<Vec<Observation>> {
     let differ = Excitation::new(&observations).temperatures && settings.method == Method::Lm;
-    if let Some(without) = observations.iter().find(|o| differ && o.temperature_c.is_none()) {
+    let is_known = settings.start.as_ref().is_some_and(|start| start.temperature.is_some());
+    if let Some(without) = observations.iter().find(|o| (differ || is_known) && o.temperature_c.is_none()) {
+        let others = if is_known {
+            "the start is of several temperatures"
+        } else {
+            "the others are at temperatures that differ"
+        };
         let cause = format!(
-            "{} has no column temperature_c, and the others are at temperatures that differ: add the column, or leave the recording out",
+            "{} has no column temperature_c, and {others}: add the column, or leave the recording out",
             without.name
         );
         return Err(Error::Computation(cause));
     }
-    let is_known = settings.start.as_ref().is_some_and(|start| start.temperature.is_some());
+    if differ && settings.loss != Loss::Square {
+        let cause = "recordings at temperatures that differ have zeros of their own, which are solved by least squares";
+        return Err(Error::field("loss", cause));
+    }
+    let keeps_spring = settings.start.as_ref().is_some_and(|start| matches!(start.spring, Some(Elastic::Held(_))));
+    if differ && keeps_spring {
+        let cause = "its spring is not one that a fit changes, and these recordings are at temperatures that differ: fit them without a start";
+        return Err(Error::field("start", cause));
+    }
     let near = observation::temperatures_c(&observations).filter(|(low, high)| high - low < observation::MIN_SPAN_K);
     for observation in &mut observations {
         if let Some((low, high)) = near.filter(|_| !is_known) {
             observation.temperature_c = observation.temperature_c.map(|_| 0.5 * (low + high));
         }
-        observation.reading.own_offset |= differ && is_solved && !matches!(observation.input, Input::Displacement(_));
+        let is_free =
+            !settings.held.contains(&Variable::Offset) && !matches!(observation.input, Input::Displacement(_));
+        observation.reading.own_offset |= differ && is_solved && is_free;
     }
     Ok(observations)
 }
@@ -254,7 +271,7 @@ impl Fit {
         let r2_mean = mean_r2(&agreements);
         let residuals: Vec<Vec<f64>> = pairs().map(|(y, x)| y.iter().zip(x).map(|(y, x)| x - y).collect()).collect();
         let misfit = Misfit::new(observations, &residuals, structures.iter().find(|row| row.chosen));
-        let mut recorded = recorded(observations, &modelled, &candidate, misfit);
+        let mut recorded = recorded(observations, &modelled, &readings, &candidate, misfit);
         let faults = if candidate.delay_s == 0.0 { faults } else { &faults.without_lags() };
         let left = faults.left(observations[0].reading);
         let (size, lag_s) = faults.size_and_lag_s(&left);
@@ -410,7 +427,13 @@ fn expected_pct(context: &Context<'_>, candidate: &Candidate, refits: &[Candidat
 }
 
 /// The ranges of `observations`, of which the displacements (m) are `modelled`, without noise.
-fn recorded(observations: &[Observation], modelled: &[Vec<f64>], candidate: &Candidate, misfit: Misfit) -> Recorded {
+fn recorded(
+    observations: &[Observation],
+    modelled: &[Vec<f64>],
+    readings: &[ReadingFit],
+    candidate: &Candidate,
+    misfit: Misfit,
+) -> Recorded {
     let mut recorded = Recorded {
         stroke_m: [0.0, 0.0],
         voltage_v: 0.0,
@@ -423,10 +446,11 @@ fn recorded(observations: &[Observation], modelled: &[Vec<f64>], candidate: &Can
         temperature_c: observation::temperatures_c(observations).map(|(low, high)| [low, high]),
         refits: Vec::new(),
     };
-    for (observation, modelled) in observations.iter().zip(modelled) {
+    for ((observation, modelled), reading) in observations.iter().zip(modelled).zip(readings) {
         let (low, high) = range(modelled);
-        recorded.stroke_m[0] = recorded.stroke_m[0].min(low - candidate.offset_m);
-        recorded.stroke_m[1] = recorded.stroke_m[1].max(high - candidate.offset_m);
+        let offset_m = reading.own_offset().unwrap_or(candidate.offset_m);
+        recorded.stroke_m[0] = recorded.stroke_m[0].min(low - offset_m);
+        recorded.stroke_m[1] = recorded.stroke_m[1].max(high - offset_m);
         let rises = modelled.windows(2).zip(observation.measured.time_s.windows(2));
         let speed = |(x, t): (&[f64], &[f64])| ((x[1] - x[0]) / (t[1] - t[0])).abs();
         recorded.speed_m_per_s = rises.map(speed).fold(recorded.speed_m_per_s, f64::max);

@@ -125,9 +125,10 @@ pub fn observe_prepared(
     Ok((Observation { name, input, measured, rate_hz, weight, sample_weights, reading, temperature_c }, warnings))
 }
 
-/// The observations of all `recordings` with weight 1, without the warnings.
+/// The observations of all `recordings` with weight 1, as of one temperature, without the warnings.
 pub fn observe_all(recordings: &[Recording], direction: Direction) -> Result<Vec<Observation>> {
-    recordings.iter().map(|recording| observe(recording, direction, 1.0).map(|(observation, _)| observation)).collect()
+    let observed = |recording| Ok(observe(recording, direction, 1.0)?.0.at_one_temperature());
+    recordings.iter().map(observed).collect()
 }
 
 /// Refuses recordings with too few values, or whose input or measurement does not change.
@@ -188,6 +189,12 @@ fn rate(steps: &[f64], median_step_s: f64, drive: &Samples) -> (f64, Option<Stri
 }
 
 impl Observation {
+    /// The same without its temperature, for models that know none.
+    #[must_use]
+    pub fn at_one_temperature(self) -> Self {
+        Self { temperature_c: None, ..self }
+    }
+
     /// Whether the load, 0 before the first row, jumps by more than a tenth of its range from one row to the next, and not as fast everywhere.
     pub(super) fn jumps(&self) -> bool {
         const LARGE: f64 = 0.1;

@@ -372,6 +372,10 @@ fn unknown(option: &'static str, name: &str) -> Error {
         return Error::field(option, format!("{name} is free unless it is held"));
     }
     let names = "stretch_coupling, offset_m, mass_kg, relative_permittivity, length_m, width_m, thickness_m";
-    let elements = if option == "hold" { " and, with `start`, elements such as main.alpha" } else { "" };
+    let elements = if option == "hold" {
+        ", stiffness_per_k, activation_kj_per_mol and, with `start`, elements such as main.alpha"
+    } else {
+        ""
+    };
     Error::field(option, format!("no quantity {name:?}; there are {names}{elements}"))
 }

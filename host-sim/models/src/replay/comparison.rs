@@ -69,7 +69,16 @@ impl<'a> Comparison<'a> {
                     let at = self.grid.at(&response.displacement_m, &before).into_iter().zip(&before);
                     at.map(|(x, t)| if *t < 0.0 { 0.0 } else { x }).collect()
                 };
-                displacement.into_iter().map(|x| sensor.reading_m(x)).collect()
+                let read: Vec<f64> = displacement.into_iter().map(|x| sensor.reading_m(x)).collect();
+                // At another temperature a film rests elsewhere, as a fit to several has it.
+                let zero_m = match parameters.temperature {
+                    Some(_) => {
+                        let open = self.measured.value.iter().zip(&read).map(|(measured, read)| measured - read);
+                        open.sum::<f64>() / read.len() as f64
+                    }
+                    None => 0.0,
+                };
+                read.into_iter().map(|reading| reading + zero_m).collect()
             }
             Direction::Displacement => self.grid.at(&response.force_n, times),
         }

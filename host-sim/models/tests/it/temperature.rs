@@ -10,7 +10,7 @@ use host_io::files::parameters::Parameters;
 use host_io::files::recording::{Direction, Input, Recording};
 use host_io::grid::{Grid, Samples};
 use host_models::fit::options::Branches;
-use host_models::fit::{self, CurveChoice, Fit, FitOptions};
+use host_models::fit::{self, CurveChoice, Fit, FitOptions, Loss};
 use host_models::replay::expectation::Recorded;
 use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
 use host_models::replay::{feedforward, simulate};
@@ -39,6 +39,8 @@ struct Film {
     parameters: Parameters,
     stiffness_per_k: f64,
     activation_kj_per_mol: f64,
+    /// Seed of its noise and zeros.
+    seed: u64,
 }
 
 impl Film {
@@ -56,7 +58,7 @@ impl Film {
         let parameters =
             Parameters { model, actuator: ACTUATOR, spring, ..Parameters::preset("table3-n1").expect("there") };
         let stiffness_per_k = random.random_range(-0.012..0.004);
-        Self { parameters, stiffness_per_k, activation_kj_per_mol: random.random_range(20.0..90.0) }
+        Self { parameters, stiffness_per_k, activation_kj_per_mol: random.random_range(20.0..90.0), seed }
     }
 
     /// Displacement (m) at 1 kHz under `voltage_v` at a temperature: with times a and stiffness k the film is itself with its time in steps of 1/a,
@@ -83,7 +85,7 @@ impl Film {
 
     /// 100 s of a sine of `hz` at 100 Hz with 3 µm of noise, zeroed anew.
     fn recording(&self, hz: f64, temperature_c: f64) -> Recording {
-        let mut random = Pcg64::seed_from_u64((1e3 * hz) as u64);
+        let mut random = Pcg64::seed_from_u64(1000 * self.seed + (1e3 * (hz + temperature_c)) as u64);
         let noise = Normal::new(0.0, 3e-6).expect("valid");
         let volts: Vec<f64> = (0..100_000).map(|k| 1600.0 * (1.0 - (TAU * hz * 1e-3 * f64::from(k)).cos())).collect();
         let film = self.displacement_m(&volts, temperature_c);
@@ -94,7 +96,12 @@ impl Film {
             (Quantity::Displacement, rows().map(|k| zero_m + film[k] + noise.sample(&mut random)).collect()),
             (Quantity::Temperature, rows().map(|k| temperature_c + 0.2 * (1e-4 * k as f64).sin()).collect()),
         ];
-        Recording::of_values(&format!("{hz}.csv"), rows().map(|k| 1e-3 * k as f64).collect(), columns).expect("valid")
+        Recording::of_values(
+            &format!("{hz} Hz at {temperature_c}.csv"),
+            rows().map(|k| 1e-3 * k as f64).collect(),
+            columns,
+        )
+        .expect("valid")
     }
 
     fn recordings(&self) -> Vec<Recording> {
@@ -169,6 +176,20 @@ fn the_dependence_on_the_temperature_is_found() {
     assert!(unknown_pct > 10.0 * median_pct, "the temperature matters");
 }
 
+/// Two temperatures show the dependence as well.
+#[test]
+fn two_temperatures_are_enough() {
+    let film = Film::random(1);
+    let pairs = [(0.4, 20.0), (0.1, 20.0), (0.4, 35.0), (0.1, 35.0)];
+    let recordings = pairs.map(|(hz, temperature_c)| film.recording(hz, temperature_c));
+    let (_, parameters) = tried(&recordings, &film.options()).expect("a fit");
+    for temperature_c in [20.0, 27.0] {
+        let (error_pct, [low, high]) = followed(&film, &parameters, temperature_c);
+        println!("{temperature_c} °C: {error_pct:.3} % of {low:.3} to {high:.3} %, {:?}", parameters.temperature);
+        assert!(error_pct < 0.5 && (low..=high).contains(&error_pct), "{error_pct} of {low} to {high}");
+    }
+}
+
 /// Recordings at one temperature are fitted as without the column, to the bit.
 #[test]
 fn one_temperature_changes_nothing() {
@@ -212,8 +233,15 @@ fn temperatures_that_cannot_be_used_are_refused() {
         Recording::of_values("cold.csv", some[1].time_s().to_vec(), columns).expect("valid")
     };
     assert!(refused(&some).contains("cold.csv has no column temperature_c"), "{}", refused(&some));
+    let huber = FitOptions { loss: Loss::Huber, ..film.options() };
+    assert!(tried(&film.recordings(), &huber).expect_err("refused").to_string().contains("least squares"));
     // Beyond the recorded temperatures the error to expect grows.
     let (_, parameters) = tried(&film.recordings(), &film.options()).expect("a fit");
+    let settings = film.options().settings(Some(parameters.clone()), None).expect("sound");
+    let observed = film.options().observations(&[&some[1]]).expect("sound");
+    let observed: Vec<_> = observed.into_iter().map(|(observation, _)| observation).collect();
+    let refit = fit::fit(&observed, &settings, &AtomicBool::new(false), &|_| ()).expect_err("refused").to_string();
+    assert!(refit.contains("cold.csv has no column temperature_c"), "{refit}");
     let [within, beyond] = [29.0, 47.0].map(|temperature_c| followed(&film, &parameters, temperature_c).1[1]);
     assert!(beyond > 2.0 * within, "{within} and {beyond}");
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 use springpot::Adapting;
 
 use super::{Source, Token};
-use crate::commands::options::AtTemperature;
+use crate::commands::options::load_at;
 use crate::error::{Error, Result};
 use crate::link::Client;
 use crate::quantity;
@@ -82,7 +82,7 @@ impl Adaptation {
                 self.factors()?;
                 self.source.blob()
             }
-            _ if self.at.is_some() || self.source.params.is_some() || self.source.blob.is_some() => {
+            _ if self.at.is_some() || self.source.is_given() => {
                 Err(Error::field("at", "is of a temperature: `adaptation temperature --at C --params P`"))
             }
             _ => Ok(None),
@@ -92,10 +92,11 @@ impl Adaptation {
     /// Factors of the film's stiffness and times at its temperature.
     fn factors(&self) -> Result<AdaptationOrder> {
         let (Some(at), Some(params)) = (self.at, &self.source.params) else {
-            return Err(Error::field("at", "a temperature is needed: `adaptation temperature --at C --params P`"));
+            let missing = if self.at.is_some() { "params" } else { "at" };
+            return Err(Error::field(missing, "is needed: `adaptation temperature --at C --params P`"));
         };
-        let parameters = AtTemperature { temperature: self.source.temperature }.load(params)?;
-        parameters.at_temperature(at)?;
+        let parameters = load_at(params, "temperature", self.source.temperature)?;
+        parameters.at(at).map_err(|cause| Error::field("at", cause))?;
         let factors =
             parameters.temperature.map(|dependence| (dependence.stiffness_factor(at), dependence.time_factor(at)));
         let (stiffness, time) = factors.unwrap_or((1.0, 1.0));

@@ -19,7 +19,7 @@ use dea_driver::wire::{Answer, Command, Identity, LearningOrder, Mode};
 use dea_driver::{Blob, BlobHeader};
 use serde::Serialize;
 
-use super::options::AtTemperature;
+use super::options::load_at;
 use crate::error::{Error, Result, shown};
 use crate::link::{Client, Port};
 use crate::quantity;
@@ -287,12 +287,17 @@ impl Target {
 }
 
 impl Source {
+    /// Whether parameters, or their temperature, are named.
+    fn is_given(&self) -> bool {
+        self.params.is_some() || self.blob.is_some() || self.temperature.is_some()
+    }
+
     /// The blob, if there is to be one.
     fn blob(&self) -> Result<Option<Vec<u8>>> {
         Ok(Some(match (&self.params, &self.blob) {
             (None, None) => return Ok(None),
             (Some(params), _) => {
-                let parameters = AtTemperature { temperature: self.temperature }.load(params)?;
+                let parameters = load_at(params, "temperature", self.temperature)?;
                 let rate_hz = super::board_rate(self.rate)?;
                 let blob = parameters.blob_to_drive(rate_hz, self.bench);
                 blob.map_err(|e| e.about(params, params.as_ref()))?

@@ -46,6 +46,8 @@ fn unit(name: &str) -> &'static str {
     match name {
         _ if name.ends_with(".c") => "N·s^α/m",
         "stretch_coupling" => "1/m",
+        "stiffness_per_k" => "1/K",
+        "activation_kj_per_mol" => "kJ/mol",
         _ if name.ends_with("_m") => "m",
         _ if name.ends_with("_v") => "V",
         _ if name.ends_with("_kg") => "kg",
@@ -62,6 +64,7 @@ fn film(film: &Numbers<'_>) -> Markup {
         ("mass", "/mass_kg", Form::In(1e3, 2, "g")),
         ("stretch coupling", "/stretch_coupling", Form::In(1.0, 3, "1/m")),
         ("saturation", "/saturation_v", Form::In(1.0, 1, "V")),
+        ("temperature", "/temperature/reference_c", Form::In(1.0, 1, "°C")),
         ("sensor's reading at rest", "/sensor_offset_m", Form::In(1e6, 2, "µm")),
     ]
     .into_iter()

@@ -44,10 +44,13 @@ impl Parameters {
     ///
     /// # Errors
     ///
-    /// As [`at_temperature`](Self::at_temperature), and for temperatures that no film has.
+    /// [`Error::File`] for a temperature of no film, or one that its dependence does not reach.
     pub fn along(&self, recording: &Recording) -> Result<Cow<'_, Self>> {
         match self.temperature.and(recording.mean_temperature_c()?) {
-            Some(temperature_c) => Ok(Cow::Owned(self.at_temperature(temperature_c)?)),
+            Some(temperature_c) => {
+                let there = self.at(temperature_c).map_err(|cause| Error::file(recording.path(), cause))?;
+                Ok(Cow::Owned(there))
+            }
             None => Ok(Cow::Borrowed(self)),
         }
     }
@@ -58,17 +61,21 @@ impl Parameters {
     ///
     /// [`Error::Field`] for a film that was not fitted at several temperatures, and a temperature that its dependence does not reach.
     pub fn at_temperature(&self, temperature_c: f64) -> Result<Self> {
+        self.at(temperature_c).map_err(|cause| Error::field("temperature_c", cause))
+    }
+
+    /// The same, or the cause of a refusal.
+    pub fn at(&self, temperature_c: f64) -> std::result::Result<Self, String> {
         let Some(dependence) = &self.temperature else {
-            let cause = "the film has no [temperature] table: fit it to recordings with a column temperature_c, at two temperatures or more";
-            return Err(Error::field("temperature_c", cause));
+            return Err("the film has no [temperature] table: fit it to recordings with a column temperature_c, at two temperatures or more".into());
         };
-        let refused = |error: ModelError| Error::field("temperature_c", short(&error));
+        let refused = |error: ModelError| short(&error);
         let stiffness = dependence.stiffness_factor(temperature_c);
         let spring = self.spring.as_ref().map(|spring| spring.scaled(stiffness)).transpose();
         Ok(Self {
             model: self.model.at_temperature(dependence, temperature_c).map_err(refused)?,
             temperature: Some(dependence.with_reference(temperature_c).map_err(refused)?),
-            spring: spring.map_err(|error| Error::field("temperature_c", short(&error)))?,
+            spring: spring.map_err(|error| short(&error))?,
             ..self.clone()
         })
     }
