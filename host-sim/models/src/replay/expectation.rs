@@ -24,6 +24,8 @@ const MAX_OVER_DIFFERENCE: f64 = 1.45;
 const MAX_OVER_MISFIT: f64 = 5.0;
 /// The largest over that on what was left out, where there are no fits to parts: calibrated on some of these films.
 const MAX_OVER_LEFT_OUT: f64 = 5.0;
+/// Growth of the largest for films of several temperatures: calibrated on 40 of these.
+const SEVERAL_TEMPERATURES: f64 = 1.1;
 /// Growth of the error with each share by which a reference exceeds what was recorded.
 const GROWTH: f64 = 5.0;
 /// Share by which a reference may exceed it, which changes nothing.
@@ -227,7 +229,7 @@ impl Recorded {
         let temperature = self.temperature_c.zip(temperature_c).map(|([low, high], needed)| {
             (Quantity::Temperature, needed, needed.clamp(low, high), (high - low).max(SAME_K))
         });
-        let mut growth = 1.0;
+        let mut growth = if temperature.is_some() { SEVERAL_TEMPERATURES } else { 1.0 };
         let mut beyond = Vec::new();
         for (quantity, needed, recorded, size) in quantities.into_iter().chain(temperature) {
             let share = match quantity {
