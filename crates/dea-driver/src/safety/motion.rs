@@ -14,6 +14,9 @@ const MOVES_ALONG: f32 = 10.0;
 const SHOWS: f32 = 25.0;
 /// Softest film beside its model.
 const MAX_SOFTNESS: f32 = 4.0;
+/// Softness that a film is presumed to have, until so many blocks have shown it.
+const PRESUMED: f32 = 1.15;
+const PRESUMED_BLOCKS: u8 = 10;
 
 /// Compares a displacement sensor with the model under the commanded voltage alone: whether the sensor is frozen, and how much further the
 /// film goes than its model.
@@ -27,7 +30,8 @@ const MAX_SOFTNESS: f32 = 4.0;
 /// has moved by half of what the model does, since the last [`reset`](Self::reset).
 ///
 /// **Softness**: the largest ratio of the film's displacement to its model's in this run, averaged over ten blocks, while the model was
-/// within the upper half of its largest such mean; 1 at least. A sensor that fails slowly makes a film seem stiffer again.
+/// within the upper half of its largest such mean; 1 at least. A sensor that fails slowly makes a film seem stiffer again. A film whose law is not the one
+/// that was fitted is [presumed](Self::presume_softer) to be softer, until the sensor has shown it for ten blocks.
 ///
 /// **Offset**: where the sensor was beside its model before the run, at 0 V: creep of which the model knows nothing, as after a reset.
 ///
@@ -65,6 +69,9 @@ pub struct Motion {
     peak_m: f32,
     softness: f32,
     min_softness: f32,
+    /// Blocks until the presumption ends, and the softness that was shown since it began.
+    presumed: u8,
+    shown: f32,
     /// NaN until it is known.
     offset_m: f32,
 }
@@ -93,6 +100,8 @@ impl Motion {
             peak_m: 0.0,
             softness: 1.0,
             min_softness: 1.0,
+            presumed: 0,
+            shown: 1.0,
             offset_m: f32::NAN,
         }
     }
@@ -146,7 +155,17 @@ impl Motion {
         (self.ticks, self.sums, self.blocks, self.is_still) = (0, [0.0; 2], 0, false);
         (self.means, self.peak_m) = ([0.0; 2], 0.0);
         if !self.is_spoiled {
-            self.softness = self.min_softness;
+            (self.softness, self.presumed) = (self.min_softness, 0);
+        }
+    }
+
+    /// Presumes, in the run that has just begun, that the film goes further than its model by a share of 0.15, until the sensor has shown how far it
+    /// goes. For a law that is not the one that was fitted: were it of another film, its first voltages would take this one too far before a late sensor
+    /// shows it. Without a plausible sensor nothing changes.
+    pub fn presume_softer(&mut self) {
+        if !self.is_spoiled {
+            (self.presumed, self.shown) = (PRESUMED_BLOCKS, self.softness);
+            self.softness = if self.softness > PRESUMED { self.softness } else { PRESUMED };
         }
     }
 
@@ -235,8 +254,15 @@ impl Motion {
         // What is left of an earlier load says little about the next one.
         if model_m > SHOWS * self.band_m && 2.0 * model_m > self.peak_m {
             let ratio = film_m / (model_m + MOVES * self.band_m);
-            let softness = if ratio > self.softness { ratio } else { self.softness };
-            self.softness = if softness < MAX_SOFTNESS { softness } else { MAX_SOFTNESS };
+            let largest = |known: f32| {
+                let softness = if ratio > known { ratio } else { known };
+                if softness < MAX_SOFTNESS { softness } else { MAX_SOFTNESS }
+            };
+            (self.softness, self.shown) = (largest(self.softness), largest(self.shown));
+            if self.presumed > 0 {
+                self.presumed -= 1;
+                self.softness = if self.presumed > 0 { self.softness } else { self.shown };
+            }
         }
     }
 }

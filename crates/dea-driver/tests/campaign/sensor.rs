@@ -27,6 +27,10 @@ use crate::scale::cases;
 const FAULT: u32 = 10_000;
 /// Ticks by which a healthy sample is late.
 const LATE: usize = 10;
+/// Largest overshoot of a film beyond its stroke: the closer to pull-in, the less it is to its model as it was at smaller strokes.
+fn margin(film: &str) -> f64 {
+    if film == "pulls in" { 1.25 } else { 1.1 }
+}
 
 /// Reading of the sensor from the fault on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -167,18 +171,6 @@ impl Case {
         let mut within = |bound: f32| random.random_range(-bound..bound).exp();
         (self.adapts && self.number % 4 == 2)
             .then(|| AdaptationOrder::Temperature { stiffness: within(1.386), time: within(1.098) })
-    }
-
-    /// Largest overshoot of the film beyond its stroke: the closer to pull-in, the less it is to its model as it was at smaller strokes. A law that is of another
-    /// film from the start takes it as far as the model allows before the first samples show it: a softer one by so much further.
-    fn margin(&self) -> f64 {
-        let is_of_another = self.kept().is_some() || self.stated().is_some();
-        match (self.film, is_of_another) {
-            ("pulls in", false) => 1.25,
-            ("pulls in", true) => 1.4,
-            ("softer", true) => 1.03 / self.parameter,
-            _ => 1.1,
-        }
     }
 
     /// Ticks after the fault.
@@ -361,7 +353,7 @@ impl Counts {
         twin.controller.arm().expect("healthy");
         twin.controller.start(case.mode).expect("armed");
         let trip = twin.go_on(case, 0, FAULT, None);
-        if twin.furthest_m > case.margin() * case.limit_m {
+        if twin.furthest_m > margin(case.film) * case.limit_m {
             self.violations.push(format!("before any fault, {trip:?}: {case:?}"));
         }
         if let Some((cause, tick)) = trip {
@@ -380,7 +372,7 @@ impl Counts {
             .or_default();
         *farthest = farthest.max(faulty.furthest_m / case.limit_m);
         self.ticks += u64::from(FAULT + trip.map_or(case.duration(), |(_, tick)| tick));
-        let far = faulty.furthest_m > case.margin() * case.limit_m;
+        let far = faulty.furthest_m > margin(case.film) * case.limit_m;
         let in_time = trip.is_some_and(|(_, tick)| tick <= 1000);
         let end = match (trip, far) {
             _ if in_time => End::WithinASecond,
@@ -413,7 +405,8 @@ impl Counts {
 fn sensors_that_fail_plausibly_do_not_lead_the_film_away() {
     let number = cases(350, 10_500);
     let mut counts = Counts::default();
-    (0..number).for_each(|case| counts.run(case));
+    // The last four are of laws of another film, which once took theirs too far before a sample showed it.
+    (0..number).chain([3392, 4952, 6528, 10_316]).for_each(|case| counts.run(case));
     println!("sensor: {number} runs, {counts:#?}");
     assert!(counts.violations.is_empty(), "{} violations", counts.violations.len());
     assert!(counts.false_trips.is_empty(), "{} false trips", counts.false_trips.len());

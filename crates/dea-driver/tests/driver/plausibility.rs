@@ -118,6 +118,32 @@ fn a_film_is_as_soft_as_plausible_values_show() {
     assert_eq!(motion.furthest(1e-3), known_m);
 }
 
+/// A film whose law may be that of another is presumed softer until the sensor has shown it for ten blocks, in that run alone.
+#[test]
+fn a_film_is_presumed_softer_until_it_is_shown() {
+    let block_ticks = u16::try_from(LIMITS.stuck_ticks / 10).expect("some dozens");
+    let softness = |motion: &Motion| motion.furthest(1e-3) / 1e-3;
+    for (share, shown) in [(1.0, 1.0), (1.3, 1.3), (0.7, 1.0)] {
+        let mut motion = Motion::new(LIMITS);
+        motion.begin_run();
+        motion.presume_softer();
+        let mut blocks = |count: u16| {
+            (0..count * block_ticks).for_each(|_| motion.record(share * 1e-3, 1e-3, true, true));
+            softness(&motion)
+        };
+        let (first, last, later) = (blocks(1), blocks(7), blocks(40));
+        assert!(first >= 1.15 && last >= 1.15, "{share}: {first}, {last}");
+        assert!((later - shown).abs() < 0.015 * shown, "{share}: {later}");
+        motion.begin_run();
+        assert_eq!(softness(&motion), 1.0);
+        // Without a plausible sensor nothing would end it.
+        motion.record(f32::NAN, 0.0, false, false);
+        motion.begin_run();
+        motion.presume_softer();
+        assert_eq!(softness(&motion), 1.0);
+    }
+}
+
 /// After a reset a sensor has no past: no fault, and no value from which it could have jumped.
 #[test]
 fn a_reset_sensor_has_no_past() {

@@ -1,15 +1,18 @@
 //! Estimates how a film differs from the law that was fitted to it.
 
 mod numbers;
+mod power_series;
+mod state;
 
 use core::cmp::Ordering;
 
-use crate::control::adapted::{Adapted, Adapting, BOUNDS, ROUNDED};
+use power_series::{exp, log_of_ratio};
+
+use crate::control::adapted::{Adapting, BOUNDS, ROUNDED};
 use crate::control::inverse::share_per_step;
 use crate::control::observer::{Observer, ObserverState};
 use crate::control::observer_options::ObserverOptions;
 use crate::control::path::{clamp, is_finite};
-use crate::error::ControlError;
 use crate::law::{Law, LawState, Memory};
 use crate::scalar::{Real, Scalar};
 
@@ -50,9 +53,6 @@ const MAX_RATE: f64 = 2.0;
 const BLEND_S: f64 = 1.0;
 /// Share of what is expected of the parameters below which what is forgotten is out of use.
 const FORGOTTEN: f64 = 1e-3;
-/// Coefficients of the series of [`log_of_ratio`] and [`exp`].
-const LOGARITHM: [f64; 2] = [2.0 / 3.0, 0.4];
-const EXPONENTIAL: [f64; 2] = [1.0 / 16.0, 1.0 / 6.0];
 /// Changes at which a film has aged by 1: a tenth in stiffness, a quarter in its memory, half in its rates, a twentieth in their logarithms.
 const AGED: [f64; 4] = [0.095, 0.223, 0.405, 0.05];
 
@@ -380,152 +380,4 @@ impl<T: Real> Adaptation<T> {
             *variance = if grown > one { one } else { grown };
         }
     }
-}
-
-impl<T: Real, P> AdaptationState<T, P> {
-    /// The film as its law has it.
-    pub(crate) fn as_fitted<M: Memory<T, PerMode = P>>() -> Self {
-        Self {
-            phase: 0,
-            stiffer: T::ZERO,
-            before: (T::ZERO, T::ZERO),
-            slopes: M::per_mode(),
-            sums: [T::ZERO; 2],
-            estimates: [T::ZERO; PARAMETERS],
-            used: [T::ZERO; PARAMETERS],
-            stated: [T::ZERO; 2],
-            stated_used: [T::ZERO; 2],
-            rate: T::ZERO,
-            steps: [T::ZERO; 2],
-            forces: [T::ZERO; PARAMETERS],
-            is_excited: false,
-            diagonal: [T::from_f64(1.0); PARAMETERS],
-            upper: [T::ZERO; ABOVE],
-            ageing: T::ZERO,
-            is_in_use: false,
-            adapting: Adapting::Off,
-        }
-    }
-
-    /// Whether ticks have to [`advance`](Adaptation::advance) it.
-    #[inline]
-    pub(crate) fn is_in_use(&self) -> bool {
-        self.is_in_use
-    }
-
-    /// How far the film has moved from its law: the largest change over the one that is 1.
-    #[inline]
-    pub(crate) fn ageing(&self) -> T {
-        self.ageing
-    }
-
-    pub(crate) fn adapting(&self) -> Adapting {
-        self.adapting
-    }
-
-    pub(crate) fn set_adapting<M: Memory<T, PerMode = P>>(&mut self, adapting: Adapting) {
-        if adapting == Adapting::Off {
-            self.forget();
-            self.stated = [T::ZERO; 2];
-        } else if !self.is_in_use {
-            *self = Self { is_in_use: true, ..Self::as_fitted::<M>() };
-        }
-        self.adapting = adapting;
-    }
-
-    /// Factors of the film's stiffness and times at a temperature, which come into use as estimates do, and beside them.
-    ///
-    /// # Errors
-    ///
-    /// [`ControlError::OutOfRange`] for factors beyond the bounds of what is learned.
-    pub(crate) fn set_temperature_factors<M: Memory<T, PerMode = P>>(
-        &mut self,
-        [stiffness, time]: [T; 2],
-    ) -> Result<(), ControlError> {
-        let stated = [stiffness, time].map(|factor| -logarithm(factor));
-        let [scale, _, rate, ..] = BOUNDS;
-        let quantities = ["stiffness, its logarithm", "time, its logarithm"];
-        for ((quantity, value), most) in quantities.into_iter().zip(stated).zip([scale, rate]) {
-            // NaN is out of range.
-            let within = value.abs() <= T::from_f64(most * ROUNDED);
-            if !within {
-                return Err(ControlError::OutOfRange { quantity, value: value.abs().to_f64(), most });
-            }
-        }
-        if self.adapting == Adapting::Off {
-            self.set_adapting::<M>(Adapting::Hold);
-        }
-        self.stated = stated;
-        Ok(())
-    }
-
-    /// Nothing is known of the film but its temperature, at once; learning goes on. A round leaves the stiffness of the film as its law has it.
-    pub(crate) fn reset<M: Memory<T, PerMode = P>>(&mut self) {
-        let Self { stated, is_in_use, adapting, .. } = *self;
-        *self = Self { stated, is_in_use, adapting, ..Self::as_fitted::<M>() };
-    }
-
-    /// Uses what was learned before at once, and holds it; how sure that is begins anew.
-    pub(crate) fn restore<M: Memory<T, PerMode = P>>(&mut self, adapted: &Adapted<T>) {
-        let used = [logarithm(adapted.force_scale), adapted.memory, adapted.rate, adapted.stretch, adapted.bias_n];
-        let stated = self.stated;
-        let adapting = Adapting::Hold;
-        *self = Self { estimates: used, used, stated, is_in_use: true, adapting, ..Self::as_fitted::<M>() };
-    }
-
-    pub(crate) fn adapted(&self, force_scale: T) -> Adapted<T> {
-        let [_, memory, rate, stretch, bias_n] = self.used;
-        let force_scale = force_scale / exp(self.stated_used[0]);
-        Adapted { force_scale, uncertainty: self.uncertainty(), memory, rate, stretch, bias_n, ageing: self.ageing }
-    }
-
-    /// Standard deviation of the force scale, over it.
-    fn uncertainty(&self) -> T {
-        let [first, others @ ..] = &self.diagonal;
-        // Of each column the entry of the first row.
-        let mut entries = self.upper.iter();
-        let variance = others.iter().enumerate().fold(*first, |sum, (column, &variance)| {
-            let entry = entries.nth(column.saturating_sub(1)).copied().unwrap_or(T::ZERO);
-            sum + entry * entry * variance
-        });
-        T::from_f64(EXPECTED[SCALE]) * variance.sqrt()
-    }
-
-    /// Factors of stiffness and times at the temperature that was stated.
-    pub(crate) fn temperature_factors(&self) -> [T; 2] {
-        self.stated.map(|stated| exp(-stated))
-    }
-
-    /// The law comes back into use, and nothing is known of the film.
-    pub(crate) fn forget(&mut self) {
-        self.estimates = [T::ZERO; PARAMETERS];
-        self.diagonal = [T::from_f64(1.0); PARAMETERS];
-        self.upper = [T::ZERO; ABOVE];
-    }
-}
-
-/// ln (x / y) within 0.001 for ratios of 0.5 to 2, and within a tenth of it for ratios of 0.05 to 20.
-fn log_of_ratio<T: Real>(x: T, y: T) -> T {
-    let part = (x - y) / (x + y);
-    let square = part * part;
-    let [third, fifth] = LOGARITHM.map(T::from_f64);
-    part * (T::from_f64(2.0) + square * (third + fifth * square))
-}
-
-/// ln x of the series, so that [`exp`] gives x again: within 1e-4 for factors of 0.25 to 4.
-fn logarithm<T: Real>(x: T) -> T {
-    let near = log_of_ratio(x, T::from_f64(1.0));
-    near + log_of_ratio(x, exp(near))
-}
-
-/// e^x within 1e-4 for x of −2 to 2, in operations that are the same everywhere.
-fn exp<T: Real>(x: T) -> T {
-    let [share, sixth] = EXPONENTIAL.map(T::from_f64);
-    let part = share * x;
-    let one = T::from_f64(1.0);
-    let mut power = one + part * (one + part * (T::from_f64(0.5) + part * sixth));
-    for _ in 0..4 {
-        power = power * power;
-    }
-    power
 }

@@ -225,6 +225,12 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         self.adaptation.is_in_use()
     }
 
+    /// Whether the law is in use as it was fitted: neither with what was learned of a film that changes, nor at another temperature.
+    #[must_use]
+    pub fn is_as_fitted(&self) -> bool {
+        self.adaptation.is_as_fitted()
+    }
+
     /// From now on the law follows a film that changes, stays as it has followed it, or as it was fitted.
     pub fn set_adapting(&mut self, adapting: Adapting) {
         self.adaptation.set_adapting::<M>(adapting);

@@ -59,6 +59,9 @@ impl<M: ControllerMemory> Controller<M> {
         self.clear_target();
         self.mode = mode;
         self.motion.begin_run();
+        if !self.course.compensator().is_as_fitted() {
+            self.motion.presume_softer();
+        }
         if self.is_history_assumed && self.motion.is_shown() {
             (self.open_loop, self.is_history_assumed) = (self.watched.state(), false);
         }

@@ -1,8 +1,8 @@
 //! The constants that the adaptation computes with.
 
+use super::power_series::{EXPONENTIAL, LOGARITHM};
 use super::{
-    AGED, AVERAGING_S, Adaptation, BIAS, BLEND_S, EXCITED, EXPECTED, EXPONENTIAL, FORGETTING, FORGOTTEN, LOGARITHM,
-    PLAUSIBLE, WANDERED,
+    AGED, AVERAGING_S, Adaptation, BIAS, BLEND_S, EXCITED, EXPECTED, FORGETTING, FORGOTTEN, PLAUSIBLE, WANDERED,
 };
 use crate::control::adapted::{BOUNDS, ROUNDED};
 use crate::numbers::{Numbers, Record};

@@ -1,0 +1,137 @@
+//! Orders and questions to the state of an [`Adaptation`](super::Adaptation) between ticks.
+
+use super::power_series::{exp, logarithm};
+use super::{ABOVE, AdaptationState, EXPECTED, PARAMETERS, SCALE};
+use crate::control::adapted::{Adapted, Adapting, BOUNDS, ROUNDED};
+use crate::error::ControlError;
+use crate::law::Memory;
+use crate::scalar::Real;
+
+impl<T: Real, P> AdaptationState<T, P> {
+    /// The film as its law has it.
+    pub(crate) fn as_fitted<M: Memory<T, PerMode = P>>() -> Self {
+        Self {
+            phase: 0,
+            stiffer: T::ZERO,
+            before: (T::ZERO, T::ZERO),
+            slopes: M::per_mode(),
+            sums: [T::ZERO; 2],
+            estimates: [T::ZERO; PARAMETERS],
+            used: [T::ZERO; PARAMETERS],
+            stated: [T::ZERO; 2],
+            stated_used: [T::ZERO; 2],
+            rate: T::ZERO,
+            steps: [T::ZERO; 2],
+            forces: [T::ZERO; PARAMETERS],
+            is_excited: false,
+            diagonal: [T::from_f64(1.0); PARAMETERS],
+            upper: [T::ZERO; ABOVE],
+            ageing: T::ZERO,
+            is_in_use: false,
+            adapting: Adapting::Off,
+        }
+    }
+
+    /// Whether ticks have to [`advance`](Adaptation::advance) it.
+    #[inline]
+    pub(crate) fn is_in_use(&self) -> bool {
+        self.is_in_use
+    }
+
+    /// Whether nothing is used, nor comes into use, of what was learned or stated.
+    pub(crate) fn is_as_fitted(&self) -> bool {
+        let is_none = |value: &T| *value == T::ZERO;
+        let learned = self.used.iter().chain(&self.estimates).all(is_none);
+        learned && self.stated.iter().chain(&self.stated_used).all(is_none)
+    }
+
+    /// How far the film has moved from its law: the largest change over the one that is 1.
+    #[inline]
+    pub(crate) fn ageing(&self) -> T {
+        self.ageing
+    }
+
+    pub(crate) fn adapting(&self) -> Adapting {
+        self.adapting
+    }
+
+    pub(crate) fn set_adapting<M: Memory<T, PerMode = P>>(&mut self, adapting: Adapting) {
+        if adapting == Adapting::Off {
+            self.forget();
+            self.stated = [T::ZERO; 2];
+        } else if !self.is_in_use {
+            *self = Self { is_in_use: true, ..Self::as_fitted::<M>() };
+        }
+        self.adapting = adapting;
+    }
+
+    /// Factors of the film's stiffness and times at a temperature, which come into use as estimates do, and beside them.
+    ///
+    /// # Errors
+    ///
+    /// [`ControlError::OutOfRange`] for factors beyond the bounds of what is learned.
+    pub(crate) fn set_temperature_factors<M: Memory<T, PerMode = P>>(
+        &mut self,
+        [stiffness, time]: [T; 2],
+    ) -> Result<(), ControlError> {
+        let stated = [stiffness, time].map(|factor| -logarithm(factor));
+        let [scale, _, rate, ..] = BOUNDS;
+        let quantities = ["stiffness, its logarithm", "time, its logarithm"];
+        for ((quantity, value), most) in quantities.into_iter().zip(stated).zip([scale, rate]) {
+            // NaN is out of range.
+            let within = value.abs() <= T::from_f64(most * ROUNDED);
+            if !within {
+                return Err(ControlError::OutOfRange { quantity, value: value.abs().to_f64(), most });
+            }
+        }
+        if self.adapting == Adapting::Off {
+            self.set_adapting::<M>(Adapting::Hold);
+        }
+        self.stated = stated;
+        Ok(())
+    }
+
+    /// Nothing is known of the film but its temperature, at once; learning goes on. A round leaves the stiffness of the film as its law has it.
+    pub(crate) fn reset<M: Memory<T, PerMode = P>>(&mut self) {
+        let Self { stated, is_in_use, adapting, .. } = *self;
+        *self = Self { stated, is_in_use, adapting, ..Self::as_fitted::<M>() };
+    }
+
+    /// Uses what was learned before at once, and holds it; how sure that is begins anew.
+    pub(crate) fn restore<M: Memory<T, PerMode = P>>(&mut self, adapted: &Adapted<T>) {
+        let used = [logarithm(adapted.force_scale), adapted.memory, adapted.rate, adapted.stretch, adapted.bias_n];
+        let stated = self.stated;
+        let adapting = Adapting::Hold;
+        *self = Self { estimates: used, used, stated, is_in_use: true, adapting, ..Self::as_fitted::<M>() };
+    }
+
+    pub(crate) fn adapted(&self, force_scale: T) -> Adapted<T> {
+        let [_, memory, rate, stretch, bias_n] = self.used;
+        let force_scale = force_scale / exp(self.stated_used[0]);
+        Adapted { force_scale, uncertainty: self.uncertainty(), memory, rate, stretch, bias_n, ageing: self.ageing }
+    }
+
+    /// Standard deviation of the force scale, over it.
+    fn uncertainty(&self) -> T {
+        let [first, others @ ..] = &self.diagonal;
+        // Of each column the entry of the first row.
+        let mut entries = self.upper.iter();
+        let variance = others.iter().enumerate().fold(*first, |sum, (column, &variance)| {
+            let entry = entries.nth(column.saturating_sub(1)).copied().unwrap_or(T::ZERO);
+            sum + entry * entry * variance
+        });
+        T::from_f64(EXPECTED[SCALE]) * variance.sqrt()
+    }
+
+    /// Factors of stiffness and times at the temperature that was stated.
+    pub(crate) fn temperature_factors(&self) -> [T; 2] {
+        self.stated.map(|stated| exp(-stated))
+    }
+
+    /// The law comes back into use, and nothing is known of the film.
+    pub(crate) fn forget(&mut self) {
+        self.estimates = [T::ZERO; PARAMETERS];
+        self.diagonal = [T::from_f64(1.0); PARAMETERS];
+        self.upper = [T::ZERO; ABOVE];
+    }
+}
