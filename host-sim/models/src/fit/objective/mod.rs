@@ -7,6 +7,7 @@
 
 mod linearised;
 mod series;
+mod tangent;
 
 use num_complex::Complex;
 use rayon::prelude::*;

@@ -7,7 +7,7 @@
 //! r = y' + e' under f',      f' + m r̈ = F' + S (r + u) − m ü
 //! ```
 //!
-//! with S the slope of the load and F' the change of the force: one [`Tangent`](super::linearised) for all variables.
+//! with S the slope of the load and F' the change of the force: one [`Tangent`](super::tangent) for all variables.
 
 use springpot::{Law, Load, Spring};
 

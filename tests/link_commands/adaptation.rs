@@ -1,0 +1,66 @@
+//! A film that changes, or is at another temperature, by order.
+
+use host_sim::files::parameters::Parameters;
+use serde_json::Value;
+use tests::tool::{names, number};
+use tests::virtual_board::Scene;
+
+use crate::Linked;
+
+/// The law follows a film that changes by order, which the board shows.
+#[test]
+fn adaptation_is_ordered_and_shown() {
+    let board = Linked::ready(Scene::CALM);
+    let off = board.json("adaptation");
+    assert_eq!((&off["adapting"], &off["ageing"], &off["trip_at"]), (&"off".into(), &0.0.into(), &Value::Null));
+    names(&board.fails("adaptation learn --trip-at 0"), &["--trip-at"]);
+    names(&board.fails("adaptation hold --trip-at 2"), &["--trip-at", "adaptation learn"]);
+    let learns = board.json("adaptation learn --trip-at 2.5");
+    assert_eq!((&learns["adapting"], &learns["trip_at"]), (&"learn".into(), &2.5.into()));
+    assert_eq!(number(&learns["order_factor"]), 1.0);
+    for (order, adapting) in [("hold", "hold"), ("forget", "hold"), ("learn", "learn"), ("off", "off")] {
+        assert_eq!(board.json(&format!("adaptation {order}"))["adapting"], adapting, "{order}");
+    }
+    // What was kept is in use where the board starts again with what it has stored.
+    for (order, adapting) in [("learn", "hold"), ("off", "off")] {
+        board.json(&format!("adaptation {order}"));
+        let kept = board.json("adaptation keep");
+        board.json("reload");
+        assert_eq!(board.json("adaptation")["adapting"], adapting, "{order}: {kept}");
+    }
+}
+
+/// The temperature of the film is ordered with the parameters that the board runs, and no others.
+#[test]
+fn a_temperature_is_ordered_and_shown() {
+    let board = Linked::ready(Scene::CALM);
+    let plain = Parameters::preset("table3-n2").expect("there").to_toml().replace("schema = 1", "schema = 5");
+    let film =
+        format!("{plain}[temperature]\nreference_c = 20.0\nstiffness_per_k = -0.01\nactivation_kj_per_mol = 50.0\n");
+    board.bench.write("warm.toml", &film);
+    board.bench.write("other.toml", &film.replace("-0.01", "-0.02").replace("62740", "62741"));
+    let order = |at: &str, params: &str| format!("adaptation temperature {at} --params {params} --bench");
+    board.json("upload --params warm.toml --bench");
+    names(&board.fails(&order("--at 30", "other.toml")), &["checksum", "upload"]);
+    let ordered = board.json(&order("--at 30C", "warm.toml"));
+    // k = 1 − 0.01 · 10, a = exp(E/R (1/T − 1/T₀)).
+    let (stiffness, times) = (&ordered["stiffness_at_temperature"], &ordered["times_at_temperature"]);
+    assert!(
+        (number(stiffness) / 0.9 - 1.0).abs() < 1e-3 && (number(times) / 0.508_298 - 1.0).abs() < 1e-3,
+        "{ordered}"
+    );
+    assert_eq!((&ordered["adapting"], &ordered["ageing"]), (&"hold".into(), &0.0.into()));
+    for (at, params, cause) in [
+        ("--at 60", "warm.toml", "upload its parameters with --temperature"),
+        ("--at 300", "warm.toml", "K or °F?"),
+        ("--at 30", "preset:table3-n2", "no [temperature] table"),
+        ("", "warm.toml", "--at C --params P"),
+    ] {
+        names(&board.fails(&order(at, params)), &[cause]);
+    }
+    for option in ["--at 30", "--temperature 30", "--params warm.toml"] {
+        names(&board.fails(&format!("adaptation hold {option}")), &["--at", "adaptation temperature"]);
+    }
+    assert_eq!(&board.json("adaptation")["stiffness_at_temperature"], stiffness);
+    assert_eq!(board.json("adaptation off")["stiffness_at_temperature"], 1.0);
+}
