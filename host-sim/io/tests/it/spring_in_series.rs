@@ -5,7 +5,7 @@ use std::path::Path;
 use host_io::files::parameters::Parameters;
 use springpot::Law;
 
-const FILE: &str = r#"schema = 4
+pub(crate) const FILE: &str = r#"schema = 4
 name = "spring in series"
 
 [actuator]
@@ -26,7 +26,7 @@ displacement_m = [-0.0005, 0.0, 0.002, 0.004]
 force_n = [-4.0, 0.0, 18.0, 60.0]
 "#;
 
-fn parsed(text: &str) -> Result<Parameters, String> {
+pub(crate) fn parsed(text: &str) -> Result<Parameters, String> {
     Parameters::from_toml(Path::new("film.toml"), text).map_err(|error| error.to_string())
 }
 

@@ -24,7 +24,7 @@ use springpot::{Actuator, CommandLimits, Maxwell, Springpot, Topology};
 
 use crate::sweep::full_sweep;
 
-const ACTUATOR: Actuator = Actuator {
+pub(crate) const ACTUATOR: Actuator = Actuator {
     length_m: 0.02,
     width_m: 0.03,
     thickness_m: 100e-6,

@@ -21,16 +21,9 @@ use rand_pcg::Pcg64;
 use springpot::{Actuator, CommandLimits, Maxwell, Spring, Springpot, Topology};
 
 use crate::recorded::risen_sine_m;
+use crate::same_film::ACTUATOR;
 use crate::sweep::full_sweep;
 
-const ACTUATOR: Actuator = Actuator {
-    length_m: 0.02,
-    width_m: 0.03,
-    thickness_m: 100e-6,
-    mass_kg: 0.1,
-    stretch_coupling: 20.0,
-    ..Actuator::KARNER_2022
-};
 const LIMITS: CommandLimits = CommandLimits { max_voltage_v: 4200.0, max_field_v_per_m: 1e8, ..CommandLimits::BENCH };
 const REFERENCE_C: f64 = 22.0;
 
