@@ -58,8 +58,13 @@ fn a_temperature_is_ordered_and_shown() {
     ] {
         names(&board.fails(&order(at, params)), &[cause]);
     }
-    for option in ["--at 30", "--temperature 30", "--params warm.toml"] {
+    for option in ["--at 30", "--params warm.toml"] {
         names(&board.fails(&format!("adaptation hold {option}")), &["--at", "adaptation temperature"]);
+    }
+    for (verb, other) in
+        [("adaptation hold", "--params"), ("play profile.csv --out o.csv", "--params"), ("upload --blob b", "--blob")]
+    {
+        names(&board.fails(&format!("{verb} --temperature 30")), &[other]);
     }
     assert_eq!(&board.json("adaptation")["stiffness_at_temperature"], stiffness);
     assert_eq!(board.json("adaptation off")["stiffness_at_temperature"], 1.0);

@@ -180,7 +180,7 @@ struct Source {
     #[arg(long, value_name = "P", conflicts_with = "blob")]
     params: Option<String>,
     /// Temperature of the film, °C, where it was fitted at several; that of its parameters if left out.
-    #[arg(long, value_name = "C", allow_negative_numbers = true, value_parser = quantity::celsius, conflicts_with = "blob")]
+    #[arg(long, value_name = "C", allow_negative_numbers = true, value_parser = quantity::celsius, requires = "params", conflicts_with = "blob")]
     temperature: Option<f64>,
     /// A blob that `export` wrote.
     #[arg(long, value_name = "P.bin")]
@@ -287,9 +287,9 @@ impl Target {
 }
 
 impl Source {
-    /// Whether parameters, or their temperature, are named.
+    /// Whether parameters are named.
     fn is_given(&self) -> bool {
-        self.params.is_some() || self.blob.is_some() || self.temperature.is_some()
+        self.params.is_some() || self.blob.is_some()
     }
 
     /// The blob, if there is to be one.
