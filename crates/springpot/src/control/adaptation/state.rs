@@ -32,7 +32,7 @@ impl<T: Real, P> AdaptationState<T, P> {
         }
     }
 
-    /// Whether ticks have to [`advance`](Adaptation::advance) it.
+    /// Whether ticks have to [`advance`](super::Adaptation::advance) it.
     #[inline]
     pub(crate) fn is_in_use(&self) -> bool {
         self.is_in_use
