@@ -38,7 +38,8 @@ fn names(limited: Limited) -> Vec<&'static str> {
 
 /// The command of a tick: `voltage_v` (V) from now on. `reference_m` (m) is the shaped reference, `displacement_m` (m) the
 /// estimate of the film, `disturbance_n` (N) and `force_scale` what the sensor says of the model; None where the controller has none. `limited`
-/// names the limits that were met. `ageing` says how far the film has moved from its model, where Tracking `adapts`: fit again from 1 on.
+/// names the limits that were met. `ageing` says how far the film has moved from its model, where Tracking `adapts`: fit again from 1 on;
+/// `stiffness_change` by how much stiffer it is if nothing else has changed, 0.02 for 2 %, and 0 where that may be chance.
 #[pyclass(frozen, get_all, name = "Tick", module = "springpot")]
 pub(crate) struct PyTick {
     /// The voltage, V.
@@ -53,6 +54,8 @@ pub(crate) struct PyTick {
     force_scale: Option<f64>,
     /// How far the film has moved from its model; None where Tracking does not adapt.
     ageing: Option<f64>,
+    /// The change of its stiffness, 0.02 for 2 % more, 0 where it may be chance; None as `ageing`.
+    stiffness_change: Option<f64>,
     /// Names of the limits that were met.
     limited: Vec<&'static str>,
 }
@@ -75,6 +78,7 @@ impl From<ControllerOutput> for PyTick {
             disturbance_n: output.disturbance_n,
             force_scale: output.force_scale,
             ageing: output.ageing,
+            stiffness_change: output.stiffness_change,
             limited: names(output.limited),
         }
     }

@@ -186,6 +186,8 @@ def test_tracking_follows_a_film_that_changes() -> None:
             reached.append(film.advance(tick.voltage_v, 1 / 200))
         lost[adapts] = float(np.sqrt(np.mean((np.array(reached) - sine)[14_000:] ** 2)))
         assert (tick.ageing is not None and tick.ageing > 0.5) if adapts else tick.ageing is None
+        # A film of 1 / 1.2 of the stiffness.
+        assert tick.stiffness_change == (pytest.approx(-1 / 6, abs=0.03) if adapts else None)
     assert lost[True] < 0.02 * 1e-3 and lost[True] < lost[False], lost
 
 

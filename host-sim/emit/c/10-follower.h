@@ -17,7 +17,7 @@ typedef struct {
     springpot_learning_state learning;
 } springpot_follower_state;
 
-SPRINGPOT_ASSERT(sizeof(springpot_follower_state) == 2624U, a_state_of_a_follower_takes_2624_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_follower_state) == 2628U, a_state_of_a_follower_takes_2628_bytes);
 
 /* A film at rest, 0 V, the reference where the film is. `has_sensor`: tracking, with all that samples correct; otherwise feedforward.
  * `learns`: cycles are learned, if the film's `learning` is not NULL. */
@@ -167,6 +167,12 @@ static inline springpot_adapted springpot_follower_adapted(const springpot_film 
 {
     const springpot_adapted fitted = {1.0F, film->adaptation.parameters[0].expected, 0.0F, 0.0F, 0.0F, 0.0F, 0.0F};
     return (state->has_sensor != 0U) ? springpot_tracking_adapted(film, &state->of.tracking) : fitted;
+}
+
+/* springpot_tracking_stiffness_change; 0 of feedforward. */
+static inline float springpot_follower_stiffness_change(const springpot_film *film, const springpot_follower_state *state)
+{
+    return (state->has_sensor != 0U) ? springpot_tracking_stiffness_change(film, &state->of.tracking) : 0.0F;
 }
 
 /* springpot_tracking_restore; false for feedforward. */

@@ -143,11 +143,13 @@ typedef struct {
     float stiffness;                                      /* at the observer's bandwidth, N/m */
     float ticks;                                          /* of a round */
     float blend;                                          /* share of an estimate that comes into use in a round */
-    float averaging;                                      /* of the bias, while the load stays */
+    float averaging;                                      /* of the bias, while the load stays, and of the misfit */
     float precision;                                      /* 1/N */
     float excited;                                        /* N: smallest swing of the load that distinguishes parameters */
     float plausible;
     float wandering;                                      /* growth of the variance of the force scale in a round */
+    float by_chance;                                      /* standard deviations by which an estimate differs from its law */
+    float min_change;                                     /* of the stiffness that is reported */
     float forgotten;                                      /* share of what is expected that is out of use */
     float logarithm[2];
     float exponential[2];

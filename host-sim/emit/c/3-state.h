@@ -116,6 +116,7 @@ typedef struct {
     float steps[2];      /* changes of rate and stretch in the last round */
     uint32_t is_excited; /* 1: the load swings */
     float ageing;
+    float misfit;        /* mean square of the differences between what is found and estimated, over the variance that is expected of them */
     float estimates[SPRINGPOT_PARAMETERS];
     float used[SPRINGPOT_PARAMETERS];     /* the part of them that is in use */
     float forces[SPRINGPOT_PARAMETERS];   /* by which they act, N */
@@ -137,7 +138,7 @@ typedef struct {
 SPRINGPOT_ASSERT(sizeof(springpot_state) == 416U, a_state_of_a_law_takes_416_bytes);
 SPRINGPOT_ASSERT(sizeof(springpot_feedforward_state) == 464U, a_state_of_feedforward_takes_464_bytes);
 SPRINGPOT_ASSERT(sizeof(springpot_observer_state) == 752U, a_state_of_an_observer_takes_752_bytes);
-SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 1164U, a_state_of_tracking_takes_1164_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 1168U, a_state_of_tracking_takes_1168_bytes);
 
 /* ---- Inputs and outputs. */
 
@@ -165,12 +166,12 @@ typedef struct {
 /* How a film differs from its law, as far as it is in use. */
 typedef struct {
     float force_scale; /* effect of the electrostatic force over the model's: below 1 for a film that has become stiffer */
-    float uncertainty; /* standard deviation of the force scale, over it */
+    float uncertainty; /* standard deviation of the force scale, over it, from how well the estimates explain the forces that were found */
     float memory;      /* logarithm of what relaxes over what the law has */
     float rate;        /* logarithm of the factor of the relaxation rates */
     float stretch;     /* orders of springpots are those of the law over 1 + stretch */
     float bias_n;      /* constant force that is kept without a sensor, N */
-    float ageing;      /* how far the film has moved from its law: fit again from 1 on */
+    float ageing;      /* how far the film has moved from its law, 0 below three standard deviations: fit again from 1 on */
 } springpot_adapted;
 
 /* The command of a tick. */

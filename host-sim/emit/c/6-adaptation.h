@@ -48,6 +48,7 @@ static inline void springpot_adaptation_init(springpot_adaptation_state *state)
     state->log_before = 0.0F;
     state->is_excited = 0U;
     state->ageing = 0.0F;
+    state->misfit = 1.0F;
     state->rate = 0.0F;
     for (i = 0U; i < 2U; i++) {
         state->stated[i] = 0.0F;
@@ -80,6 +81,45 @@ static inline void springpot_adaptation_forget(springpot_adaptation_state *state
     for (i = 0U; i < SPRINGPOT_ABOVE; i++) {
         state->upper[i] = 0.0F;
     }
+    state->misfit = 1.0F;
+}
+
+/* Variance of an estimate, in squares of what is expected, if forces are explained as well as is expected. */
+static inline float springpot_variance(const springpot_adaptation_state *state, uint32_t parameter)
+{
+    float variance = state->diagonal[parameter];
+    uint32_t i;
+
+    for (i = parameter + 1U; i < SPRINGPOT_PARAMETERS; i++) {
+        const float entry = state->upper[((i * (i - 1U)) / 2U) + parameter];
+        variance = variance + ((entry * entry) * state->diagonal[i]);
+    }
+    return variance;
+}
+
+/* Standard deviation of the force scale, over it. */
+static inline float springpot_uncertainty(const springpot_adaptation *adaptation, const springpot_adaptation_state *state)
+{
+    return sqrtf(state->misfit)
+        * (adaptation->parameters[SPRINGPOT_ADAPTED_SCALE].expected * sqrtf(springpot_variance(state, SPRINGPOT_ADAPTED_SCALE)));
+}
+
+/* The largest change, less its part that may be chance, over the one that is an ageing of 1. */
+static inline float springpot_aged(const springpot_adaptation *adaptation, const springpot_adaptation_state *state)
+{
+    const float chance = (adaptation->by_chance * adaptation->by_chance) * state->misfit;
+    float aged = 0.0F;
+    uint32_t i;
+
+    for (i = 0U; i < SPRINGPOT_ADAPTED_BIAS; i++) {
+        const springpot_parameter *parameter = &adaptation->parameters[i];
+        const float used = springpot_size(state->used[i]);
+        const float by_chance = chance * ((parameter->expected * parameter->expected) * springpot_variance(state, i));
+        /* NaN for a change of 0 is not larger. */
+        const float change = (used - (by_chance / used)) * parameter->aged;
+        aged = (change > aged) ? change : aged;
+    }
+    return aged;
 }
 
 /* Where the memory of a film goes on to, after a step. */
@@ -247,11 +287,8 @@ static inline void springpot_bring_into_use(
     scale = springpot_exp(adaptation, springpot_clamp(scale, -scales->restored, scales->restored));
     changes[SPRINGPOT_ADAPTED_SCALE] = ((scale / observed->force_scale) - 1.0F) - warmed[0];
     changes[SPRINGPOT_ADAPTED_BIAS] = 0.0F;
-    state->ageing = 0.0F;
     for (i = 0U; i < SPRINGPOT_PARAMETERS; i++) {
-        const float aged = springpot_size(state->used[i]) * adaptation->parameters[i].aged;
         shift = shift + (changes[i] * state->forces[i]);
-        state->ageing = (aged > state->ageing) ? aged : state->ageing;
     }
     state->steps[0] = changes[SPRINGPOT_ADAPTED_RATE];
     state->steps[1] = changes[SPRINGPOT_ADAPTED_STRETCH];
@@ -262,6 +299,13 @@ static inline void springpot_bring_into_use(
     observed->disturbance = observed->disturbance - shift;
     observed->integral_mean = state->used[SPRINGPOT_ADAPTED_BIAS];
     state->stiffer = springpot_exp(adaptation, state->used[SPRINGPOT_ADAPTED_MEMORY]) - 1.0F;
+    if (state->adapting == SPRINGPOT_ADAPT_LEARN) {
+        state->ageing = springpot_aged(adaptation, state);
+    } else if (state->adapting == SPRINGPOT_ADAPT_OFF) {
+        state->ageing = 0.0F;
+    } else {
+        /* stays */
+    }
     /* What is not seen changes as well. */
     variance = state->diagonal[SPRINGPOT_ADAPTED_SCALE] + adaptation->wandering;
     state->diagonal[SPRINGPOT_ADAPTED_SCALE] = (variance > 1.0F) ? 1.0F : variance;
@@ -321,6 +365,7 @@ static inline void springpot_learn(
     }
     /* What is less plausible counts less. */
     step = innovation / (total * (1.0F + ((innovation * innovation) / (adaptation->plausible * total))));
+    state->misfit = state->misfit + (adaptation->averaging * ((innovation * step) - state->misfit));
     for (i = 0U; i < SPRINGPOT_PARAMETERS; i++) {
         const springpot_parameter *parameter = &parameters[i];
         const float variance = state->diagonal[i] + (parameter->forgetting * state->diagonal[i]);

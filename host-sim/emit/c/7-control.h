@@ -297,24 +297,44 @@ static inline void springpot_tracking_set_adapting(springpot_tracking_state *sta
 static inline springpot_adapted springpot_tracking_adapted(const springpot_film *film, const springpot_tracking_state *state)
 {
     const springpot_adaptation_state *adaptation = &state->adaptation;
-    const float *entry = adaptation->upper;
-    float variance = adaptation->diagonal[0];
     springpot_adapted adapted;
-    uint32_t i;
 
-    /* Of each column the entry of the first row. */
-    for (i = 1U; i < SPRINGPOT_PARAMETERS; i++) {
-        variance = variance + ((entry[0] * entry[0]) * adaptation->diagonal[i]);
-        entry += i;
-    }
     adapted.force_scale = state->observer.force_scale / springpot_exp(&film->adaptation, adaptation->stated_used[0]);
-    adapted.uncertainty = film->adaptation.parameters[0].expected * sqrtf(variance);
+    adapted.uncertainty = springpot_uncertainty(&film->adaptation, adaptation);
     adapted.memory = adaptation->used[SPRINGPOT_ADAPTED_MEMORY];
     adapted.rate = adaptation->used[SPRINGPOT_ADAPTED_RATE];
     adapted.stretch = adaptation->used[SPRINGPOT_ADAPTED_STRETCH];
     adapted.bias_n = adaptation->used[SPRINGPOT_ADAPTED_BIAS];
     adapted.ageing = adaptation->ageing;
     return adapted;
+}
+
+/* By how much the film's stiffness differs from its law's, if nothing else does: 0.02 for 2 % more. 0 below 1.25 %, and for what may be chance: three
+ * uncertainties. A change of something else shows as well, as the stiffness that explains it best. */
+static inline float springpot_tracking_stiffness_change(const springpot_film *film, const springpot_tracking_state *state)
+{
+    const springpot_adaptation *adaptation = &film->adaptation;
+    const springpot_adaptation_state *adapting = &state->adaptation;
+    const float by_chance = adaptation->by_chance * springpot_uncertainty(adaptation, adapting);
+    float alone[SPRINGPOT_PARAMETERS];
+    float scale;
+    uint32_t column;
+    uint32_t i;
+
+    /* With the estimates as U w, the first of w is the scale's if all others are 0. The bias, which the disturbance has, counts as 0. */
+    for (i = 0U; i < SPRINGPOT_ADAPTED_BIAS; i++) {
+        alone[i] = adapting->estimates[i] / adaptation->parameters[i].expected;
+    }
+    for (column = SPRINGPOT_ADAPTED_BIAS - 1U; column > 0U; column--) {
+        for (i = 0U; i < column; i++) {
+            alone[i] = alone[i] - (adapting->upper[((column * (column - 1U)) / 2U) + i] * alone[column]);
+        }
+    }
+    scale = adaptation->parameters[SPRINGPOT_ADAPTED_SCALE].expected * alone[SPRINGPOT_ADAPTED_SCALE];
+    if ((springpot_size(scale) > adaptation->min_change) && (springpot_size(scale) > by_chance)) {
+        return springpot_exp(adaptation, -scale) - 1.0F;
+    }
+    return 0.0F;
 }
 
 /* Uses what was learned of the film before, and holds it: after a restart, for a film at rest. Returns false for numbers that cannot have been
@@ -344,6 +364,7 @@ static inline bool springpot_tracking_restore(
         }
         state->adaptation.stated[0] = stated[0];
         state->adaptation.stated[1] = stated[1];
+        state->adaptation.ageing = adapted->ageing;
         state->adaptation.is_in_use = 1U;
         state->adaptation.adapting = SPRINGPOT_ADAPT_HOLD;
     }

@@ -174,6 +174,7 @@ class Tick:
     disturbance_n: Final[float | None]
     force_scale: Final[float | None]
     ageing: Final[float | None]
+    stiffness_change: Final[float | None]
     limited: Final[list[str]]
 
 @final

@@ -65,6 +65,8 @@ pub struct AdaptationStatus {
     pub adapting: Adapting,
     /// The changes that are in use.
     pub adapted: Adapted<f32>,
+    /// Change of the stiffness that has been shown: [`stiffness_change`](springpot::TrackingState::stiffness_change).
+    pub stiffness_change: f32,
     /// Ageing from which a run trips; infinite before it was first ordered to learn.
     pub trip_at: f32,
     /// Factor of the stiffness at the film's [temperature](AdaptationOrder::Temperature), and of its relaxation times; 1 where none was ordered.

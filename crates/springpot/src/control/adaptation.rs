@@ -43,10 +43,14 @@ const UNEXPLAINED: f64 = 0.01;
 const PLAUSIBLE: f64 = 9.0;
 /// Distance of the load from its slow mean from which it distinguishes the parameters, in largest forces.
 const EXCITED: f64 = 0.01;
-/// Time constant of the bias below that, s.
+/// Time constant of the bias below that, and of the misfit, s.
 const AVERAGING_S: f64 = 20.0;
 /// Share of the stiffness that relaxes above which it cannot be distinguished from all of it.
 const MAX_SHARE: f64 = 0.9;
+/// Standard deviations by which an estimate differs from its law by chance.
+const BY_CHANCE: f64 = 3.0;
+/// Change of the stiffness alone that is reported.
+const MIN_CHANGE: f64 = 0.0125;
 /// Rate of the fastest mode that follows, 1/s.
 const MAX_RATE: f64 = 2.0;
 /// Time constant with which an estimate comes into use, s.
@@ -116,6 +120,8 @@ pub(crate) struct AdaptationState<T, P> {
     /// after another.
     diagonal: [T; PARAMETERS],
     upper: [T; ABOVE],
+    /// Mean square of the differences between what is found and estimated, over the variance that is expected of them.
+    misfit: T,
     /// How far the film has moved from its law.
     ageing: T,
     /// Whether any of it is in use, and whether it stays so.
@@ -299,8 +305,11 @@ impl<T: Real> Adaptation<T> {
         state.rate = clamp(state.used[RATE] + state.stated_used[1], -rate, rate);
         observed.adapt_to(scale, shift, state.used[BIAS]);
         state.stiffer = exp(state.used[MEMORY]) - one;
-        let moved = state.used.iter().zip(AGED).map(|(used, aged)| used.abs() * T::from_f64(1.0 / aged));
-        state.ageing = moved.fold(T::ZERO, |largest, change| if change > largest { change } else { largest });
+        state.ageing = match state.adapting {
+            Adapting::Off => T::ZERO,
+            Adapting::Hold => state.ageing,
+            Adapting::Learn => state.aged(),
+        };
         // What is not seen changes as well.
         let scale = state.diagonal[SCALE] + T::from_f64(WANDERED) * self.forgetting;
         state.diagonal[SCALE] = if scale > one { one } else { scale };
@@ -319,11 +328,11 @@ impl<T: Real> Adaptation<T> {
     /// Learns from an `unexplained` force (N): recursive least squares in Bierman's form, whose covariance stays positive in single precision.
     #[inline(never)]
     fn learn<P>(&self, state: &mut AdaptationState<T, P>, unexplained: T) {
-        let AdaptationState { estimates, used, forces, diagonal, upper, .. } = state;
+        let AdaptationState { estimates, used, forces, diagonal, upper, misfit, .. } = state;
+        let averaging = T::from_f64(BLEND_S / AVERAGING_S) * self.blend;
         if !state.is_excited {
             // A load that stays distinguishes nothing.
-            estimates[BIAS] =
-                estimates[BIAS] + T::from_f64(BLEND_S / AVERAGING_S) * self.blend * (unexplained - estimates[BIAS]);
+            estimates[BIAS] = estimates[BIAS] + averaging * (unexplained - estimates[BIAS]);
             return;
         }
         // The disturbance has all of the bias.
@@ -371,6 +380,7 @@ impl<T: Real> Adaptation<T> {
         // What is less plausible counts less.
         let doubt = one + innovation * innovation / (T::from_f64(PLAUSIBLE) * total);
         let step = innovation / (total * doubt);
+        *misfit = *misfit + averaging * (innovation * step - *misfit);
         let allowed = expected.into_iter().zip(self.sized(BOUNDS));
         for ((estimate, gain), (expected, bound)) in estimates.iter_mut().zip(gains).zip(allowed) {
             *estimate = clamp(*estimate + gain * step * expected, -bound, bound);

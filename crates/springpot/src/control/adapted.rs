@@ -91,7 +91,7 @@ pub enum Adapting {
 pub struct Adapted<T> {
     /// Effect of the electrostatic force over the model's, κ: below 1 for a film that has become stiffer.
     pub force_scale: T,
-    /// Standard deviation of the force scale, over it, if nothing but what is estimated differs.
+    /// Standard deviation of the force scale, over it, from how well the estimates explain the forces that were found.
     pub uncertainty: T,
     /// Logarithm of what relaxes over what the law has, ln σ.
     pub memory: T,
@@ -102,7 +102,7 @@ pub struct Adapted<T> {
     /// The constant force d that is kept without a sensor, N.
     pub bias_n: T,
     /// How far the film has moved from its law: 1 for a tenth of force scale, a quarter of memory, half of a rate, or a twentieth of an order,
-    /// whichever is largest in these units. Fit again from 1 on.
+    /// whichever is largest in these units; less where it may be chance, 0 below three standard deviations. Fit again from 1 on.
     pub ageing: T,
 }
 

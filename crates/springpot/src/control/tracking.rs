@@ -280,6 +280,13 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         self.adaptation.ageing()
     }
 
+    /// By how much the film's stiffness differs from its law's, if nothing else does: 0.02 for 2 % more. 0 below 1.25 %, and for what may be chance: three
+    /// [uncertainties](Adapted::uncertainty). A change of something else shows as well, as the stiffness that explains it best.
+    #[must_use]
+    pub fn stiffness_change(&self) -> T {
+        self.adaptation.stiffness_change()
+    }
+
     /// Forgets what was learned of a film that changes: it goes out of use within some seconds. Learning goes on.
     pub fn forget_changes(&mut self) {
         self.adaptation.forget();

@@ -39,10 +39,10 @@ static void job_row(float o0, float o1, float o2, float o3, uint32_t o4, uint32_
     job_write(row, (uint32_t)sizeof row);
 }
 
-/* All but the ageing, and the share of the correction. */
-static uint32_t job_adapted(const springpot_adapted *adapted, float share)
+/* All but the ageing, the change of the stiffness, and the share of the correction. */
+static uint32_t job_adapted(const springpot_adapted *adapted, float change, float share)
 {
-    return job_bits(share) ^ job_bits(adapted->force_scale) ^ job_bits(adapted->uncertainty) ^ job_bits(adapted->memory)
+    return job_bits(change) ^ job_bits(share) ^ job_bits(adapted->force_scale) ^ job_bits(adapted->uncertainty) ^ job_bits(adapted->memory)
         ^ job_bits(adapted->rate) ^ job_bits(adapted->stretch) ^ job_bits(adapted->bias_n);
 }
 
@@ -58,7 +58,7 @@ static void job_adapt(const springpot_film *film, springpot_follower_state *foll
         springpot_follower_set_adapting(follower, SPRINGPOT_ADAPT_OFF);
     }
     if ((in->flags & 4096U) != 0U) {
-        springpot_adapted adapted = {0.0F, 0.0F, 0.1F, -0.4F, 0.0F, 0.02F, 0.0F};
+        springpot_adapted adapted = {0.0F, 0.0F, 0.1F, -0.4F, 0.0F, 0.02F, 0.25F};
         adapted.force_scale = 0.9F * in->b;
         adapted.stretch = 220.0F * in->a;
         (void)springpot_follower_restore(film, follower, &adapted);
@@ -181,7 +181,7 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
                 const springpot_observer_state *corrected = &follower.of.tracking.observer;
                 const springpot_adapted adapted = springpot_follower_adapted(film, &follower);
                 job_row(x, command.voltage, (kind == 5U) ? springpot_follower_added(&follower) : adapted.ageing,
-                    corrected->disturbance, job_adapted(&adapted, corrected->share), command.limited);
+                    corrected->disturbance, job_adapted(&adapted, springpot_follower_stiffness_change(film, &follower), corrected->share), command.limited);
             } else {
                 job_row(x, command.voltage, command.reference, command.force,
                     job_bits(springpot_film_voltage(&follower.of.feedforward.inverse)), command.limited);

@@ -198,7 +198,8 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
                 let observer = state.observer();
                 let adapted = state.compensator().adapted();
                 let Adapted { force_scale, uncertainty, memory, rate, stretch, bias_n, ageing } = adapted;
-                let seen = [observer.share(), force_scale, uncertainty, memory, rate, stretch, bias_n];
+                let change = state.compensator().stiffness_change();
+                let seen = [observer.share(), force_scale, uncertainty, memory, rate, stretch, bias_n, change];
                 let seen = seen.iter().fold(0, |all, number| all ^ number.to_bits());
                 let third = if kind == Kind::Learning { state.added() } else { ageing };
                 let numbers = [x, command.voltage_v, third, observer.disturbance(), f32::from_bits(seen)];
@@ -222,7 +223,7 @@ fn adapt(state: &mut FollowerState<f32, Tracking<f32>>, input: &Input) {
                 rate: -0.4,
                 stretch: 220.0 * input.a,
                 bias_n: 0.02,
-                ageing: 0.0,
+                ageing: 0.25,
             };
             // Refused without a reading, and of a reference beyond a bound.
             let _ = state.restore(&adapted);

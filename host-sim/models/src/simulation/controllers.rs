@@ -50,6 +50,8 @@ pub struct ControllerOutput {
     pub force_scale: Option<f64>,
     /// How far the film has moved from its law, where that follows it ([`springpot::Adapted::ageing`]).
     pub ageing: Option<f64>,
+    /// Change of its stiffness that was shown ([`springpot::TrackingState::stiffness_change`]), as the ageing.
+    pub stiffness_change: Option<f64>,
 }
 
 /// A controller, ticked once a step.
@@ -135,7 +137,8 @@ fn build_in<T: Real + Send + 'static>(
             let follower = learning_too(tracking, learning);
             let correction = |state: &FollowerState<T>| {
                 let (observer, tracking) = (state.observer(), state.compensator());
-                Some((observer.disturbance(), observer.force_scale(), tracking.is_adapted().then(|| tracking.ageing())))
+                let changes = tracking.is_adapted().then(|| [tracking.ageing(), tracking.stiffness_change()]);
+                Some((observer.disturbance(), observer.force_scale(), changes))
             };
             let mut state = follower.state(rest);
             if kind == ControllerKind::Adaptive {
@@ -268,8 +271,8 @@ fn learning_too<T: Real, C: Compensator<T>>(compensator: C, learning: Option<Lea
     }
 }
 
-/// Disturbance (N), force scale and, where the law follows the film, ageing that the sensor has shown, if there is one.
-type Correction<T> = Option<(T, T, Option<T>)>;
+/// Disturbance (N), force scale and, where the law follows the film, ageing and change of the stiffness that the sensor has shown, if there is one.
+type Correction<T> = Option<(T, T, Option<[T; 2]>)>;
 
 /// `Feedforward`, `Window` with another memory, `Tracking` and `Adaptive`.
 struct Following<T: Real, C: Compensator<T>> {
@@ -283,6 +286,7 @@ impl<T: Real, C: Compensator<T>> Controller for Following<T, C> {
         let Self { follower, state, correction } = self;
         let command = follower.step(state, of_type(applied), sample.map(in_type), T::from_f64(reference_m));
         let correction = correction(state);
+        let changes = correction.and_then(|(.., changes)| changes);
         ControllerOutput {
             voltage_v: command.voltage_v.to_f64(),
             reference_m: follower.learning().is_none().then(|| command.reference_m.to_f64()),
@@ -290,7 +294,8 @@ impl<T: Real, C: Compensator<T>> Controller for Following<T, C> {
             estimate_m: Some(state.displacement().to_f64()),
             disturbance_n: correction.map(|(disturbance, ..)| disturbance.to_f64()),
             force_scale: correction.map(|(_, scale, _)| scale.to_f64()),
-            ageing: correction.and_then(|(.., ageing)| Some(ageing?.to_f64())),
+            ageing: changes.map(|[ageing, _]| ageing.to_f64()),
+            stiffness_change: changes.map(|[_, change]| change.to_f64()),
         }
     }
 }

@@ -51,6 +51,13 @@ enum Order {
 #[derive(Serialize)]
 struct Report {
     port: String,
+    #[serde(flatten)]
+    film: Film,
+}
+
+/// How far a film has moved from its law.
+#[derive(Serialize)]
+pub(super) struct Film {
     adapting: &'static str,
     force_scale: f32,
     uncertainty: f32,
@@ -58,6 +65,8 @@ struct Report {
     rate_factor: f32,
     order_factor: f32,
     constant_force_n: f32,
+    /// The stiffness over the law's, less 1, if nothing else differs; 0 where that may be chance.
+    stiffness_change: f32,
     ageing: f32,
     /// None before it was first ordered to learn.
     trip_at: Option<f32>,
@@ -125,20 +134,20 @@ impl Adaptation {
                 Order::Temperature => self.factors()?,
             }))?;
         }
-        let status = match client.ask(Command::Adaptation)? {
-            Answer::Adaptation(status) => status,
-            other => return Err(client.unexpected(&other)),
-        };
-        let report = Report::new(port, status);
-        terminal::report(json, &report, || report.text())
+        let report = Report { port, film: Film::from_board(&mut client)? };
+        terminal::report(json, &report, || format!("{}: {}", report.port, report.film.text()))
     }
 }
 
-impl Report {
-    fn new(port: String, status: AdaptationStatus) -> Self {
-        let AdaptationStatus { adapting, adapted, trip_at, stiffness, time } = status;
-        Self {
-            port,
+impl Film {
+    /// As the controller has learned it.
+    pub(super) fn from_board(client: &mut Client) -> Result<Self> {
+        let AdaptationStatus { adapting, adapted, stiffness_change, trip_at, stiffness, time } =
+            match client.ask(Command::Adaptation)? {
+                Answer::Adaptation(status) => status,
+                other => return Err(client.unexpected(&other)),
+            };
+        Ok(Self {
             adapting: match adapting {
                 Adapting::Off => "off",
                 Adapting::Hold => "hold",
@@ -150,32 +159,47 @@ impl Report {
             rate_factor: adapted.rate.exp(),
             order_factor: 1.0 / (1.0 + adapted.stretch),
             constant_force_n: adapted.bias_n,
+            stiffness_change,
             ageing: adapted.ageing,
             trip_at: Some(trip_at).filter(|level| level.is_finite()),
             needs_fit: adapted.needs_fit(),
             stiffness_at_temperature: stiffness,
             times_at_temperature: time,
+        })
+    }
+
+    /// Whether the law is, or becomes, another one than was fitted.
+    pub(super) fn is_followed(&self) -> bool {
+        self.adapting != "off" || self.ageing != 0.0
+    }
+
+    /// The change that a user should know, if there is one.
+    pub(super) fn change(&self) -> Option<String> {
+        let fit = "the film is no longer the one that was fitted: if it stays so, fit it again";
+        let softer = if self.stiffness_change < 0.0 { "softer" } else { "stiffer" };
+        match (self.needs_fit, self.stiffness_change) {
+            (false, 0.0) => None,
+            (true, 0.0) => Some(fit.to_owned()),
+            (needs_fit, change) => {
+                let fit = if needs_fit { format!("; {fit}") } else { String::new() };
+                Some(format!("the film is {:.1} % {softer} than its parameters{fit}", 100.0 * change.abs()))
+            }
         }
     }
 
     fn text(&self) -> String {
-        if self.adapting == "off" && self.ageing == 0.0 {
-            return format!("{}: off, the law is as it was fitted; `adaptation learn` follows the film", self.port);
+        if !self.is_followed() {
+            return "off, the law is as it was fitted; `adaptation learn` follows the film".to_owned();
         }
         let trip = self.trip_at.map_or(String::new(), |level| format!(", a run trips at {level}"));
-        let fit = if self.needs_fit {
-            "; if it stays, the film is no longer the one that was fitted: fit it again"
-        } else {
-            ""
-        };
+        let change = self.change().map_or(String::new(), |change| format!("; {change}"));
         let at = match (self.stiffness_at_temperature, self.times_at_temperature) {
             (1.0, 1.0) => String::new(),
             (stiffness, times) => format!("; at its temperature stiffness × {stiffness:.3}, times × {times:.3}"),
         };
         format!(
-            "{}: {}; force scale {:.3} ± {:.3}, what relaxes × {:.2}, its rates × {:.2}, orders × {:.3}, {:.3} N{at}\n\
-             ageing {:.2}{trip}{fit}",
-            self.port,
+            "{}; force scale {:.3} ± {:.3}, what relaxes × {:.2}, its rates × {:.2}, orders × {:.3}, {:.3} N{at}\n\
+             ageing {:.2}{trip}{change}",
             self.adapting,
             self.force_scale,
             self.force_scale * self.uncertainty,

@@ -9,6 +9,7 @@ use dea_driver::wire::{Answer, Command, LearningOrder, Reject, Telemetry};
 use dea_driver::{Cause, DriverState, Refusal};
 use serde::Serialize;
 
+use super::adaptation::Film;
 use super::board_time::BoardTime;
 use super::{Source, What, digits, parameters_of};
 use crate::bench::reference;
@@ -82,6 +83,8 @@ struct Report {
     /// Which parameters the board ran.
     parameters: Option<String>,
     checksum: Option<String>,
+    /// How far the film has moved from them, where the law follows it.
+    adaptation: Option<Film>,
 }
 
 impl Stream {
@@ -157,6 +160,7 @@ impl Stream {
     fn finish(&self, mut client: Client, mut log: Log, begun: bool, ended: Result<()>, json: bool) -> Result<()> {
         let state = client.order(Command::Stream { every: 0 }).and_then(|()| client.status());
         let parameters = parameters_of(&mut client);
+        let film = Film::from_board(&mut client);
         // What came while something else was waited for.
         let rest = client.waiting_samples().iter().try_for_each(|sample| log.push(sample));
         let (samples, dropped) = (log.samples, log.dropped);
@@ -171,12 +175,15 @@ impl Stream {
             samples,
             dropped,
             state: named(state?.state),
+            adaptation: film.ok().filter(Film::is_followed),
         };
         terminal::report(json, &report, || {
             let parameters = report.parameters.as_deref().unwrap_or("none");
             let checksum = report.checksum.as_deref().unwrap_or("unknown");
+            let change =
+                report.adaptation.as_ref().and_then(Film::change).map_or(String::new(), |change| format!("\n{change}"));
             format!(
-                "{}: {} samples, {} dropped; {}; parameters {parameters}, checksum {checksum}",
+                "{}: {} samples, {} dropped; {}; parameters {parameters}, checksum {checksum}{change}",
                 report.out, report.samples, report.dropped, report.state
             )
         })

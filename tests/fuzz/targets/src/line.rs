@@ -4,7 +4,7 @@
 const MAX_FRAME: usize = 360;
 
 /// The version of the protocol.
-const VERSION: u8 = 5;
+const VERSION: u8 = 6;
 
 /// CRC-32 (ISO-HDLC), bit by bit.
 pub fn crc32(bytes: &[u8]) -> u32 {

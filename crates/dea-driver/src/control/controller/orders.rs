@@ -201,6 +201,7 @@ impl<M: ControllerMemory> Controller<M> {
         AdaptationStatus {
             adapting: course.adapting(),
             adapted: course.adapted(),
+            stiffness_change: course.stiffness_change(),
             trip_at: self.max_ageing,
             stiffness,
             time,

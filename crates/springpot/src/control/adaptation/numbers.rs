@@ -2,7 +2,8 @@
 
 use super::power_series::{EXPONENTIAL, LOGARITHM};
 use super::{
-    AGED, AVERAGING_S, Adaptation, BIAS, BLEND_S, EXCITED, EXPECTED, FORGETTING, FORGOTTEN, PLAUSIBLE, WANDERED,
+    AGED, AVERAGING_S, Adaptation, BIAS, BLEND_S, BY_CHANCE, EXCITED, EXPECTED, FORGETTING, FORGOTTEN, MIN_CHANGE,
+    PLAUSIBLE, WANDERED,
 };
 use crate::control::adapted::{BOUNDS, ROUNDED};
 use crate::numbers::{Numbers, Record};
@@ -22,7 +23,11 @@ impl<T: Real> Adaptation<T> {
             ("stiffness", self.stiffness, "at the observer's bandwidth, N/m"),
             ("ticks", self.ticks, "of a round"),
             ("blend", self.blend, "share of an estimate that comes into use in a round"),
-            ("averaging", T::from_f64(BLEND_S / AVERAGING_S) * self.blend, "of the bias, while the load stays"),
+            (
+                "averaging",
+                T::from_f64(BLEND_S / AVERAGING_S) * self.blend,
+                "of the bias, while the load stays, and of the misfit",
+            ),
             ("precision", self.precision, "1/N"),
             (
                 "excited",
@@ -35,6 +40,8 @@ impl<T: Real> Adaptation<T> {
                 T::from_f64(WANDERED) * self.forgetting,
                 "growth of the variance of the force scale in a round",
             ),
+            ("by_chance", T::from_f64(BY_CHANCE), "standard deviations by which an estimate differs from its law"),
+            ("min_change", T::from_f64(MIN_CHANGE), "of the stiffness that is reported"),
             ("forgotten", T::from_f64(FORGOTTEN), "share of what is expected that is out of use"),
         ] {
             take.number(name, value, about);

@@ -1,7 +1,7 @@
 //! Orders and questions to the state of an [`Adaptation`](super::Adaptation) between ticks.
 
 use super::power_series::{exp, logarithm};
-use super::{ABOVE, AdaptationState, EXPECTED, PARAMETERS, SCALE};
+use super::{ABOVE, AGED, AdaptationState, BIAS, BY_CHANCE, EXPECTED, MIN_CHANGE, PARAMETERS, SCALE};
 use crate::control::adapted::{Adapted, Adapting, BOUNDS, ROUNDED};
 use crate::error::ControlError;
 use crate::law::Memory;
@@ -26,6 +26,7 @@ impl<T: Real, P> AdaptationState<T, P> {
             is_excited: false,
             diagonal: [T::from_f64(1.0); PARAMETERS],
             upper: [T::ZERO; ABOVE],
+            misfit: T::from_f64(1.0),
             ageing: T::ZERO,
             is_in_use: false,
             adapting: Adapting::Off,
@@ -45,7 +46,7 @@ impl<T: Real, P> AdaptationState<T, P> {
         learned && self.stated.iter().chain(&self.stated_used).all(is_none)
     }
 
-    /// How far the film has moved from its law: the largest change over the one that is 1.
+    /// [`Adapted::ageing`].
     #[inline]
     pub(crate) fn ageing(&self) -> T {
         self.ageing
@@ -102,7 +103,8 @@ impl<T: Real, P> AdaptationState<T, P> {
         let used = [logarithm(adapted.force_scale), adapted.memory, adapted.rate, adapted.stretch, adapted.bias_n];
         let stated = self.stated;
         let adapting = Adapting::Hold;
-        *self = Self { estimates: used, used, stated, is_in_use: true, adapting, ..Self::as_fitted::<M>() };
+        let ageing = adapted.ageing;
+        *self = Self { estimates: used, used, stated, ageing, is_in_use: true, adapting, ..Self::as_fitted::<M>() };
     }
 
     pub(crate) fn adapted(&self, force_scale: T) -> Adapted<T> {
@@ -113,14 +115,51 @@ impl<T: Real, P> AdaptationState<T, P> {
 
     /// Standard deviation of the force scale, over it.
     fn uncertainty(&self) -> T {
-        let [first, others @ ..] = &self.diagonal;
-        // Of each column the entry of the first row.
-        let mut entries = self.upper.iter();
-        let variance = others.iter().enumerate().fold(*first, |sum, (column, &variance)| {
-            let entry = entries.nth(column.saturating_sub(1)).copied().unwrap_or(T::ZERO);
+        self.misfit.sqrt() * (T::from_f64(EXPECTED[SCALE]) * self.variance(SCALE).sqrt())
+    }
+
+    /// Variance of an estimate, in squares of what is expected, if forces are explained as well as is expected.
+    #[inline]
+    fn variance(&self, parameter: usize) -> T {
+        let own = self.diagonal.get(parameter).copied().unwrap_or(T::ZERO);
+        self.diagonal.iter().enumerate().skip(parameter + 1).fold(own, |sum, (column, &variance)| {
+            let entry = self.upper.get(column * (column - 1) / 2 + parameter).copied().unwrap_or(T::ZERO);
             sum + entry * entry * variance
-        });
-        T::from_f64(EXPECTED[SCALE]) * variance.sqrt()
+        })
+    }
+
+    /// The largest change, less its part that may be chance, over the one that is an ageing of 1.
+    #[inline]
+    pub(super) fn aged(&self) -> T {
+        let chance = T::from_f64(BY_CHANCE) * T::from_f64(BY_CHANCE) * self.misfit;
+        let changes = self.used.iter().zip(EXPECTED).zip(AGED).enumerate();
+        changes.fold(T::ZERO, |largest, (parameter, ((used, expected), aged))| {
+            let used = used.abs();
+            let by_chance = chance * (T::from_f64(expected) * T::from_f64(expected) * self.variance(parameter));
+            let change = (used - by_chance / used) * T::from_f64(1.0 / aged);
+            // NaN for a change of 0 is not larger.
+            if change > largest { change } else { largest }
+        })
+    }
+
+    /// [`TrackingState::stiffness_change`](crate::TrackingState::stiffness_change).
+    pub(crate) fn stiffness_change(&self) -> T {
+        // With the estimates as U w, the first of w is the scale's if all others are 0. The bias, which the disturbance has, counts as 0.
+        let mut alone = self.estimates.map(|_| T::ZERO);
+        for ((alone, &estimate), expected) in alone.iter_mut().zip(&self.estimates).take(BIAS).zip(EXPECTED) {
+            *alone = estimate / T::from_f64(expected);
+        }
+        for column in (1..BIAS).rev() {
+            let own = alone.get(column).copied().unwrap_or(T::ZERO);
+            let entries = self.upper.iter().skip(column * (column - 1) / 2).take(column);
+            for (alone, &entry) in alone.iter_mut().zip(entries) {
+                *alone = *alone - entry * own;
+            }
+        }
+        let scale = T::from_f64(EXPECTED[SCALE]) * alone[SCALE];
+        let by_chance = T::from_f64(BY_CHANCE) * self.uncertainty();
+        let is_shown = scale.abs() > T::from_f64(MIN_CHANGE) && scale.abs() > by_chance;
+        if is_shown { exp(-scale) - T::from_f64(1.0) } else { T::ZERO }
     }
 
     /// Factors of stiffness and times at the temperature that was stated.
@@ -133,5 +172,6 @@ impl<T: Real, P> AdaptationState<T, P> {
         self.estimates = [T::ZERO; PARAMETERS];
         self.diagonal = [T::from_f64(1.0); PARAMETERS];
         self.upper = [T::ZERO; ABOVE];
+        self.misfit = T::from_f64(1.0);
     }
 }
