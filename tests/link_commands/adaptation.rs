@@ -69,3 +69,31 @@ fn a_temperature_is_ordered_and_shown() {
     assert_eq!(&board.json("adaptation")["stiffness_at_temperature"], stiffness);
     assert_eq!(board.json("adaptation off")["stiffness_at_temperature"], 1.0);
 }
+
+/// A run whose film is softer than the parameters says so at its end, where the law follows it.
+#[test]
+fn a_film_that_has_changed_is_reported() {
+    let board = Linked::ready(Scene::CALM);
+    let film = Parameters::preset("table3-n2").expect("there").to_toml();
+    let stiffer = |line: &str| match line.split_once("c = ") {
+        Some((before, rest)) => {
+            let (c, after) = rest.split_once(',').expect("an order follows");
+            format!("{before}c = {}, {after}", 1.25 * c.parse::<f64>().expect("a number"))
+        }
+        None => line.to_owned(),
+    };
+    let film: Vec<String> = film.lines().map(stiffer).collect();
+    board.bench.write("stiffer.toml", &film.join("\n"));
+    board.json("upload --params stiffer.toml --bench");
+    let reference: String =
+        (0..150).map(|k| format!("{},{}\n", 0.1 * f64::from(k), 2e-4 * (1.0 - (f64::from(k) * 0.1).cos()))).collect();
+    board.bench.write("sine.csv", &format!("time_s,displacement_m\n{reference}"));
+    let play = "play sine.csv --mode tracking --out out.csv";
+    assert_eq!(board.json(&format!("{play} --duration 1"))["adaptation"], Value::Null);
+    board.json("adaptation learn");
+    let played = board.json(play);
+    let change = number(&played["adaptation"]["stiffness_change"]);
+    assert!((change + 0.2).abs() < 0.05, "{played}");
+    let shown = board.bench.run(&board.line("adaptation"));
+    names(&String::from_utf8_lossy(&shown.stdout), &["% softer than its parameters"]);
+}

@@ -74,6 +74,8 @@ fn what_was_learned_is_used_when_the_sensor_goes() {
     assert!(lost_m < 4e-6 && feedforward_m < 5e-6, "{lost_m} m, {feedforward_m} m");
     let adapted = bench.controller.adaptation().adapted;
     assert!((adapted.force_scale - 0.9).abs() < 0.01 && (0.8..1.6).contains(&adapted.ageing), "{adapted:?}");
+    let change = bench.controller.adaptation().stiffness_change;
+    assert!((change - 0.1 / 0.9).abs() < 0.02, "{change}");
 }
 
 /// Hold keeps what was learned, off brings back the law as it was fitted, and so do an acknowledged trip and other parameters.
