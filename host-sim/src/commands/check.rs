@@ -25,9 +25,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     let hints = arguments.reading.hints()?;
     let read = |path: &PathBuf| Recording::read_with(path, &hints);
     let recordings = arguments.recordings.iter().map(read).collect::<Result<Vec<Recording>>>()?;
-    for recording in &recordings {
-        recording.understood().into_iter().for_each(recordings::report_understood);
-    }
+    recordings.iter().for_each(recordings::report_columns);
     let mut report = check::check(&recordings);
     for finding in &mut report.findings {
         finding.finding = with_flags(&finding.finding);

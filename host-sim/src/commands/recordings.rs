@@ -110,9 +110,17 @@ impl RecordingOptions {
     }
 }
 
-/// Reports how a `recording` with other names was read.
-pub(super) fn report(recording: &Recording) {
+/// Reports how a `recording` with other names was read, and which temperature is not used.
+pub(super) fn report_columns(recording: &Recording) {
     recording.understood().into_iter().for_each(report_understood);
+    if let Some(unused) = recording.unused_temperature() {
+        terminal::information(format!("{}: {}", shown(recording.path()), with_flags(&unused)));
+    }
+}
+
+/// Reports the columns of a `recording`, and what of its rows needs care.
+pub(super) fn report(recording: &Recording) {
+    report_columns(recording);
     let file = shown(recording.path());
     // A handful of rows is no measurement, and the fault of its file is reported alone.
     let implausible = if recording.time_s().len() < MIN_ROWS { Vec::new() } else { recording.implausible() };

@@ -227,6 +227,15 @@ impl Recording {
         Some(&self.understood).filter(|understood| !understood.is_own())
     }
 
+    /// The remark on a column that may be the film's temperature, and is not used.
+    pub fn unused_temperature(&self) -> Option<String> {
+        let is_wanted = self.voltage_v.is_some() || self.force_n.is_some();
+        let name = *self.understood.other_temperatures().first().filter(|_| is_wanted)?;
+        Some(format!(
+            "{name:?} is not used; if it is the temperature of the film, in °C: `columns` temperature={name:?}"
+        ))
+    }
+
     /// The column of `quantity` as it was understood.
     pub(super) fn origin(&self, quantity: Quantity) -> Option<&UnderstoodColumn> {
         self.understood.columns.iter().find(|column| column.quantity == quantity)

@@ -1,9 +1,12 @@
-//! Parameter files of films at several temperatures.
+//! Parameter files of films at several temperatures, and temperatures in recordings.
 
-use host_io::files::import::Quantity;
+use std::path::Path;
+
+use host_io::files::import::{Hints, Quantity};
 use host_io::files::parameters::Parameters;
 use host_io::files::recording::Recording;
 
+use crate::lab_files::Folder;
 use crate::spring_in_series::{self, parsed};
 
 /// The film with a spring in series, with branches and a dependence.
@@ -64,4 +67,28 @@ fn temperatures_of_no_film_are_refused() {
         let refused = film.at_temperature(temperature_c).expect_err(cause).to_string();
         assert!(refused.contains(cause), "{refused}");
     }
+}
+
+/// A column that is a temperature by its words or its unit is named where none is used; other columns are not.
+#[test]
+fn a_temperature_that_is_not_used_is_named() {
+    let remark = |columns: &str, rows: &str| {
+        let csv = format!("time_s,{columns}\n0,{rows}\n1,{rows}\n");
+        Recording::from_csv(Path::new("r.csv"), csv.as_bytes()).expect("valid").unused_temperature()
+    };
+    for name in
+        ["Temp (°C)", "temperature_k", "ambientTemperature", "T °C", "T [℃]", "Température", "环境温度", "PT100"]
+    {
+        let remark = remark(&format!("voltage_v,{name}"), "1,20").unwrap_or_default();
+        assert!(remark.starts_with(&format!("{name:?} is not used")), "{name}: {remark}");
+    }
+    for name in ["Template", "Charge (C)", "Attempts", "Capacitance (F)", "K", "tempo_s"] {
+        assert_eq!(remark(&format!("voltage_v,{name}"), "1,20"), None, "{name}");
+    }
+    // The film's is there, and what has no film has none.
+    assert_eq!(remark("voltage_v,temperature_c,Temp (°C)", "1,20,20"), None);
+    let folder = Folder::new();
+    let path = folder.file("reference.csv", "time_s,displacement_m,Temp (°C)\n0,0,20\n1,1e-3,20\n");
+    let reference = Recording::read_reference(&path, &Hints::default()).expect("valid");
+    assert_eq!(reference.unused_temperature(), None);
 }

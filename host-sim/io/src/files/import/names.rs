@@ -1,7 +1,9 @@
 //! Titles of columns: what is measured, and in which unit.
 
 use super::units::{self, Unit};
-use super::words::{DERIVED, ELSEWHERE, LETTERS, OF_TWO_VOLTAGES, ORDERED, OTHER_WORDS, SIZES, WORDS};
+use super::words::{
+    DEGREES, DERIVED, ELSEWHERE, LETTERS, OF_TWO_VOLTAGES, ORDERED, OTHER_WORDS, SIZES, TEMPERATURES, WORDS,
+};
 use super::{Quantity, Request};
 
 /// The title of a column.
@@ -178,6 +180,15 @@ impl Title {
             of_amplifier: named.is_none() && is_of_amplifier(&base),
         }
     }
+}
+
+/// Whether a column of this `name` may be a temperature, by its words or its unit.
+pub(super) fn is_temperature(name: &str) -> bool {
+    let words = words(name);
+    let is_named = |candidate: &str| words.iter().any(|word| word == candidate) || is_within(candidate, name);
+    let is_unit =
+        |unit: &str| name.trim().ends_with(unit) || without_brackets(name).1.iter().any(|text| text.trim() == unit);
+    TEMPERATURES.split(' ').any(is_named) || DEGREES.split(' ').any(is_unit)
 }
 
 /// Whether `name` has a word for the command or the monitor of an amplifier, and none of its current. Any instrument has an output.

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use super::Quantity;
 use super::mapping::By;
+use super::{Quantity, names};
 use crate::files::table::Column;
 
 /// The columns of a file.
@@ -64,6 +64,12 @@ impl Understood {
     /// Whether the file is CSV with the names of this tool, or no file.
     pub fn is_own(&self) -> bool {
         self.columns.iter().all(|column| column.by == By::OwnName)
+    }
+
+    /// Names of columns that may be temperatures, where none of them is used.
+    pub fn other_temperatures(&self) -> Vec<&str> {
+        let is_used = self.columns.iter().any(|column| column.quantity == Quantity::Temperature);
+        self.ignored.iter().map(String::as_str).filter(|name| !is_used && names::is_temperature(name)).collect()
     }
 
     /// From the numbers of the file to SI, for `quantity`.

@@ -27,6 +27,11 @@ pub(super) const OF_TWO_VOLTAGES: &[(Quantity, &str)] = &[
     (Quantity::Voltage, "monitor mon vmon umon readback measured actual output ist istwert"),
 ];
 
+/// Words and units of temperatures.
+pub(super) const TEMPERATURES: &str =
+    "temperature temp temperatur température temperatura thermocouple pt100 ntc 温度 溫度 気温";
+pub(super) const DEGREES: &str = "°C ℃ °F ℉ degC degF";
+
 /// Letters that name a quantity where they are all of a name.
 pub(super) const LETTERS: &[(Quantity, &str)] = &[
     (Quantity::Time, "t x_value"),
