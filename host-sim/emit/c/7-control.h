@@ -299,7 +299,9 @@ static inline springpot_adapted springpot_tracking_adapted(const springpot_film 
     const springpot_adaptation_state *adaptation = &state->adaptation;
     springpot_adapted adapted;
 
-    adapted.force_scale = state->observer.force_scale / springpot_exp(&film->adaptation, adaptation->stated_used[0]);
+    adapted.force_scale = (adaptation->is_in_use != 0U)
+        ? springpot_exp(&film->adaptation, adaptation->used[SPRINGPOT_ADAPTED_SCALE])
+        : state->observer.force_scale;
     adapted.uncertainty = springpot_uncertainty(&film->adaptation, adaptation);
     adapted.memory = adaptation->used[SPRINGPOT_ADAPTED_MEMORY];
     adapted.rate = adaptation->used[SPRINGPOT_ADAPTED_RATE];

@@ -153,6 +153,9 @@ fn a_temperature_that_is_ordered_is_used() {
     let AdaptationStatus { adapting, adapted, stiffness, time, .. } = bench.controller.adaptation();
     assert!((stiffness * 0.9 - 1.0).abs() < 1e-3 && time == 1.0);
     assert_eq!((adapting, adapted.ageing), (Adapting::Hold, 0.0));
+    // It is not learned: there is nothing to keep.
+    bench.ask(|controller| controller.order_adaptation(AdaptationOrder::Keep)).expect("within bounds");
+    assert_eq!(bench.controller.parameters().adapted, None);
     for (stiffness, time) in [(0.2, 1.0), (1.0, 3.5), (f32::NAN, 1.0)] {
         let order = AdaptationOrder::Temperature { stiffness, time };
         assert!(bench.ask(|controller| controller.order_adaptation(order)).is_err());
@@ -195,6 +198,7 @@ fn what_was_kept_is_used_after_a_restart() {
     let AdaptationStatus { adapting, adapted, .. } = restarted.controller.adaptation();
     let before = learned.controller.adaptation().adapted;
     assert_eq!((adapting, adapted.memory, adapted.rate), (Adapting::Hold, before.memory, before.rate));
+    assert!((adapted.force_scale / before.force_scale - 1.0).abs() < 1e-4, "{adapted:?} after {before:?}");
     restarted.start(Mode::Feedforward);
     let error_m = run(&mut restarted, [0, 20], true);
     assert!(error_m < 5e-6, "{error_m} m");
@@ -259,8 +263,15 @@ fn it_is_kept_over_the_link() {
 
     assert_eq!(host.ask(Command::Adapt(LEARN)), Answer::Done);
     host.tick();
+    assert_eq!((host.ask(keep.clone()), stored(&mut host)), (Answer::Done, None), "nothing was learned");
     host.arm();
     assert!(matches!(host.ask(keep.clone()), Answer::Refused(_)));
+    // A film that does not move under its voltage is held by a constant force.
+    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
+    for _ in 0..100 {
+        assert_eq!(host.ask(Command::SetVoltage(500.0)), Answer::Done);
+        (0..20).for_each(|_| host.tick());
+    }
     assert_eq!(host.ask(Command::Disarm), Answer::Done);
     assert_eq!(host.ask(keep.clone()), Answer::Done);
     assert!(stored(&mut host).is_some());

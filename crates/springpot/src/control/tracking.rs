@@ -225,6 +225,12 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         self.adaptation.is_in_use()
     }
 
+    /// Whether the law uses what was learned of a film that changes, or comes to use it.
+    #[must_use]
+    pub fn has_learned(&self) -> bool {
+        self.adaptation.has_learned()
+    }
+
     /// Whether the law is in use as it was fitted: neither with what was learned of a film that changes, nor at another temperature.
     #[must_use]
     pub fn is_as_fitted(&self) -> bool {

@@ -190,7 +190,7 @@ impl<M: ControllerMemory> Controller<M> {
     /// The changes that are in use; none for the law as it was fitted.
     fn learned(&self) -> Option<Adapted<f32>> {
         let course = self.course.compensator();
-        (course.adapting() != Adapting::Off && course.is_adapted()).then(|| course.adapted())
+        (course.adapting() != Adapting::Off && course.has_learned()).then(|| course.adapted())
     }
 
     /// How far the film has moved from its law, as far as that was learned.

@@ -39,11 +39,14 @@ impl<T: Real, P> AdaptationState<T, P> {
         self.is_in_use
     }
 
+    /// Whether something is used, or comes into use, of what was learned.
+    pub(crate) fn has_learned(&self) -> bool {
+        self.used.iter().chain(&self.estimates).any(|value| *value != T::ZERO)
+    }
+
     /// Whether nothing is used, nor comes into use, of what was learned or stated.
     pub(crate) fn is_as_fitted(&self) -> bool {
-        let is_none = |value: &T| *value == T::ZERO;
-        let learned = self.used.iter().chain(&self.estimates).all(is_none);
-        learned && self.stated.iter().chain(&self.stated_used).all(is_none)
+        !self.has_learned() && self.stated.iter().chain(&self.stated_used).all(|value| *value == T::ZERO)
     }
 
     /// [`Adapted::ageing`].
@@ -107,9 +110,10 @@ impl<T: Real, P> AdaptationState<T, P> {
         *self = Self { estimates: used, used, stated, ageing, is_in_use: true, adapting, ..Self::as_fitted::<M>() };
     }
 
+    /// The changes that are in use; of a law that follows no film the observer's `force_scale`.
     pub(crate) fn adapted(&self, force_scale: T) -> Adapted<T> {
-        let [_, memory, rate, stretch, bias_n] = self.used;
-        let force_scale = force_scale / exp(self.stated_used[0]);
+        let [scale, memory, rate, stretch, bias_n] = self.used;
+        let force_scale = if self.is_in_use { exp(scale) } else { force_scale };
         Adapted { force_scale, uncertainty: self.uncertainty(), memory, rate, stretch, bias_n, ageing: self.ageing }
     }
 
