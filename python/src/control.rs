@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Mutex;
 
-use host_io::files::parameters::DisplacementSensor;
+use host_io::files::parameters::{DisplacementSensor, Parameters};
 use host_models::replay::limits::command_limits;
 use host_models::replay::memory::Precision;
 use host_models::replay::observer::refused as observer_refused;
@@ -87,6 +87,7 @@ impl From<ControllerOutput> for PyTick {
 /// A controller with its sensor and its last command.
 struct Loop {
     controller: Box<dyn Controller + Send>,
+    parameters: Parameters,
     sensor: DisplacementSensor,
     rate_hz: f64,
     delay_s: f64,
@@ -118,7 +119,8 @@ impl Loop {
             .map_err(|e| e.about(&model.source, model.source.as_ref()))
             .raise()?;
         let (rate_hz, (_, delay_s)) = (tuning.rate_hz, tuning.sensor(parameters));
-        Ok(Mutex::new(Self { controller, sensor: parameters.sensor(), rate_hz, delay_s, commanded_v: 0.0 }))
+        let (sensor, parameters) = (parameters.sensor(), parameters.clone());
+        Ok(Mutex::new(Self { controller, parameters, sensor, rate_hz, delay_s, commanded_v: 0.0 }))
     }
 
     fn tick(&mut self, reference_m: f64, since: Since) -> PyResult<PyTick> {
@@ -208,6 +210,17 @@ impl PyTracking {
         age_s: Option<f64>,
     ) -> PyResult<PyTick> {
         locked(py, &self.0).tick(reference_m, Since { applied_v, monitor_v, sample_m, age_s })
+    }
+
+    /// From now on the film is at `temperature_c` (°C): stiffness and relaxation times of the law come to it within seconds, with or without a
+    /// sensor, beside what is learned. As often as it changes.
+    ///
+    /// Raises InputError for a model without [temperature], and for temperatures out of its reach or of a running law; nothing has changed then.
+    fn set_temperature(&self, py: Python<'_>, temperature_c: f64) -> PyResult<()> {
+        let mut all = locked(py, &self.0);
+        let factors = all.parameters.temperature_factors(temperature_c);
+        all.controller.set_temperature_factors(factors.map_err(|cause| refused("temperature_c", cause))?);
+        Ok(())
     }
 }
 

@@ -55,6 +55,29 @@ def test_a_film_at_another_temperature() -> None:
     assert recording.temperature_c == pytest.approx([20.0, 22.0])
 
 
+def test_tracking_follows_a_stated_temperature() -> None:
+    """A film 10 K warmer, a tenth softer: without a sensor the voltage becomes that of its model at 30 °C."""
+    table = "[temperature]\nreference_c = 20.0\nstiffness_per_k = -0.01\nactivation_kj_per_mol = 50.0\n"
+    text = sp.Model((60e3, 0.1)).to_toml().replace("schema = 1", "schema = 5")
+    model = sp.Model.from_toml(text + table)
+    sine = sp.reference("sine", low_m=0.3e-3, high_m=0.6e-3, period_s=10, duration_s=60, rate_hz=100).displacement_m
+    assert sine is not None
+    voltages = []
+    for law, temperature_c in ((model, None), (model, 30.0), (model.at_temperature(30.0), None)):
+        tracking = sp.Tracking(law, 100)
+        if temperature_c is not None:
+            tracking.set_temperature(temperature_c)
+        voltages.append(np.array([tracking.tick(target).voltage_v for target in sine])[3000:])
+    [cold, stated, warm] = voltages
+    assert np.max(np.abs(stated / warm - 1)) < 0.01 < np.min(np.abs(cold / warm - 1))
+    tracking = sp.Tracking(model, 100)
+    for temperature_c, cause in ((300.0, "K or °F"), (70.0, "run its parameters at that temperature"), (math.nan, "NaN")):
+        with pytest.raises(sp.InputError, match=f"temperature_c.*{cause}"):
+            tracking.set_temperature(temperature_c)
+    with pytest.raises(sp.InputError, match="no .temperature. table"):
+        sp.Tracking(sp.Model((60e3, 0.1)), 100).set_temperature(30.0)
+
+
 def test_a_law_is_its_defining_sum() -> None:
     """Grünwald–Letnikov by its weights: a springpot in f64 against Σ w_j x_{k−j} / h^α."""
     alpha, c, step = 0.3, 50e3, 1e-2

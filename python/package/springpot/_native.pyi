@@ -211,6 +211,7 @@ class Tracking:
         monitor_v: float | None = None,
         age_s: float | None = None,
     ) -> Tick: ...
+    def set_temperature(self, temperature_c: float) -> None: ...
 
 @final
 class Feedforward:

@@ -59,6 +59,10 @@ pub trait Controller {
     /// From the voltage since the last tick, a sample of the sensor if one has arrived, and the
     /// reference for the end of this tick (m).
     fn tick(&mut self, applied: Applied<f64>, sample: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput;
+
+    /// States the factors of the film's stiffness and times at its temperature, within what a law follows
+    /// ([`set_temperature_factors`](springpot::TrackingState::set_temperature_factors)); of controllers without a law to warm, nothing.
+    fn set_temperature_factors(&mut self, _factors: [f64; 2]) {}
 }
 
 /// Settings of every controller.
@@ -119,7 +123,7 @@ fn build_in<T: Real + Send + 'static>(
             let length = window_length(WINDOW_S, settings.rate_hz);
             let (law, rest) = window_law::<T>(parameters.film(), law.step_s(), length)?;
             let follower = Follower::new(Feedforward::new(law, &actuator, limits)?);
-            Box::new(Following { state: follower.state(rest), follower, correction: |_| None })
+            Box::new(Following { state: follower.state(rest), follower, correction: |_| None, warm: |_, _| () })
         }
         ControllerKind::Pi => {
             let gains =
@@ -129,7 +133,7 @@ fn build_in<T: Real + Send + 'static>(
         ControllerKind::Feedforward => {
             let (rest, learning) = (law.state(), learning.transpose()?);
             let follower = learning_too(Feedforward::new(law, &actuator, limits)?, learning);
-            Box::new(Following { state: follower.state(rest), follower, correction: |_| None })
+            Box::new(Following { state: follower.state(rest), follower, correction: |_| None, warm: |_, _| () })
         }
         ControllerKind::Tracking | ControllerKind::Adaptive => {
             let (rest, learning) = (law.state(), learning.transpose()?);
@@ -144,7 +148,11 @@ fn build_in<T: Real + Send + 'static>(
             if kind == ControllerKind::Adaptive {
                 state.set_adapting(Adapting::Learn);
             }
-            Box::new(Following { state, follower, correction })
+            let warm = |state: &mut FollowerState<T>, [stiffness, time]: [T; 2]| {
+                // The bounds are checked before, in twice as many digits.
+                let _ = state.set_temperature_factors(stiffness, time);
+            };
+            Box::new(Following { state, follower, correction, warm })
         }
     })
 }
@@ -279,11 +287,12 @@ struct Following<T: Real, C: Compensator<T>> {
     follower: Follower<T, C>,
     state: FollowerState<T, C>,
     correction: fn(&FollowerState<T, C>) -> Correction<T>,
+    warm: fn(&mut FollowerState<T, C>, [T; 2]),
 }
 
 impl<T: Real, C: Compensator<T>> Controller for Following<T, C> {
     fn tick(&mut self, applied: Applied<f64>, sample: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
-        let Self { follower, state, correction } = self;
+        let Self { follower, state, correction, .. } = self;
         let command = follower.step(state, of_type(applied), sample.map(in_type), T::from_f64(reference_m));
         let correction = correction(state);
         let changes = correction.and_then(|(.., changes)| changes);
@@ -297,5 +306,9 @@ impl<T: Real, C: Compensator<T>> Controller for Following<T, C> {
             ageing: changes.map(|[ageing, _]| ageing.to_f64()),
             stiffness_change: changes.map(|[_, change]| change.to_f64()),
         }
+    }
+
+    fn set_temperature_factors(&mut self, factors: [f64; 2]) {
+        (self.warm)(&mut self.state, factors.map(T::from_f64));
     }
 }

@@ -105,18 +105,8 @@ impl Adaptation {
             return Err(Error::field(missing, "is needed: `adaptation temperature --at C --params P`"));
         };
         let parameters = load_at(params, "temperature", self.source.temperature)?;
-        parameters.at(at).map_err(|cause| Error::field("at", cause))?;
-        let factors =
-            parameters.temperature.map(|dependence| (dependence.stiffness_factor(at), dependence.time_factor(at)));
-        let (stiffness, time) = factors.unwrap_or((1.0, 1.0));
-        if (0.25..=4.0).contains(&stiffness) && (1.0 / 3.0..=3.0).contains(&time) {
-            return Ok(AdaptationOrder::Temperature { stiffness: stiffness as f32, time: time as f32 });
-        }
-        let cause = format!(
-            "the film has {stiffness:.3} times its stiffness and {time:.3} times its relaxation times there; a running law follows 0.25 to 4 times and a \
-             third to three times: upload its parameters with --temperature instead"
-        );
-        Err(Error::field("at", cause))
+        let [stiffness, time] = parameters.temperature_factors(at).map_err(|cause| Error::field("at", cause))?;
+        Ok(AdaptationOrder::Temperature { stiffness: stiffness as f32, time: time as f32 })
     }
 
     pub(super) fn run(&self, mut client: Client, blob: Option<&[u8]>, port: String, json: bool) -> Result<()> {

@@ -64,7 +64,24 @@ impl Parameters {
         self.at(temperature_c).map_err(|cause| Error::field("temperature_c", cause))
     }
 
-    /// The same, or the cause of a refusal.
+    /// Factors of the film's stiffness and of its relaxation times at a temperature, for a law that runs
+    /// ([`springpot::TrackingState::set_temperature_factors`]); or the cause of a refusal.
+    pub fn temperature_factors(&self, temperature_c: f64) -> std::result::Result<[f64; 2], String> {
+        self.at(temperature_c)?;
+        let factors = |dependence: &TemperatureDependence| {
+            [dependence.stiffness_factor(temperature_c), dependence.time_factor(temperature_c)]
+        };
+        let [stiffness, time] = self.temperature.as_ref().map_or([1.0; 2], factors);
+        if (0.25..=4.0).contains(&stiffness) && (1.0 / 3.0..=3.0).contains(&time) {
+            return Ok([stiffness, time]);
+        }
+        Err(format!(
+            "the film has {stiffness:.3} times its stiffness and {time:.3} times its relaxation times there; a running law follows 0.25 to 4 times and a \
+             third to three times: run its parameters at that temperature instead"
+        ))
+    }
+
+    /// [`at_temperature`](Self::at_temperature), or the cause of a refusal.
     pub fn at(&self, temperature_c: f64) -> std::result::Result<Self, String> {
         let Some(dependence) = &self.temperature else {
             return Err("the film has no [temperature] table: fit it to recordings with a column temperature_c, at two temperatures or more".into());
