@@ -65,7 +65,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let parameters = arguments.law.parameters()?;
     let recording = arguments.reading.read_one(&arguments.recording)?;
     arguments.law.check_temperature(std::slice::from_ref(&recording))?;
-    let parameters = parameters.along(&recording)?;
+    let parameters = parameters.along(&recording).map_err(|e| e.about(&arguments.law.params, recording.path()))?;
     let inputs = [arguments.recording.as_path(), arguments.law.params.as_ref()];
     output::check(&arguments.out, &inputs, Folders::Exist)?;
     let plot = arguments.plot.check(&inputs, &[&arguments.out])?;

@@ -47,7 +47,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let parameters = arguments.model.law.parameters()?;
     let recording = arguments.reading.read_one(&arguments.profile)?;
     arguments.model.law.check_temperature(std::slice::from_ref(&recording))?;
-    let parameters = parameters.along(&recording)?;
+    let parameters =
+        parameters.along(&recording).map_err(|e| e.about(&arguments.model.law.params, recording.path()))?;
     let inputs = [arguments.profile.as_path(), arguments.model.law.params.as_ref()];
     output::check(&arguments.out, &inputs, Folders::Exist)?;
     let plot = arguments.plot.check(&inputs, &[&arguments.out])?;

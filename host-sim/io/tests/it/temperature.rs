@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use host_io::error::Error;
 use host_io::files::import::{Hints, Quantity};
 use host_io::files::parameters::Parameters;
 use host_io::files::recording::Recording;
@@ -47,6 +48,8 @@ fn a_film_at_a_temperature_is_written_and_read() {
     };
     assert_eq!(*film.along(&recording(Some(30.0))).expect("within reach"), warm);
     assert_eq!(*film.along(&recording(None)).expect("as it is"), film);
+    // One that is beyond reach is left out beside others.
+    assert!(matches!(film.along(&recording(Some(140.0))), Err(Error::Computation(_))));
 }
 
 #[test]

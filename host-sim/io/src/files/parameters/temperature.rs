@@ -44,11 +44,11 @@ impl Parameters {
     ///
     /// # Errors
     ///
-    /// [`Error::File`] for a temperature of no film, or one that its dependence does not reach.
+    /// [`Error::File`] for a temperature of no film, [`Error::Computation`] for one that its dependence does not reach.
     pub fn along(&self, recording: &Recording) -> Result<Cow<'_, Self>> {
         match self.temperature.and(recording.mean_temperature_c()?) {
             Some(temperature_c) => {
-                let there = self.at(temperature_c).map_err(|cause| Error::file(recording.path(), cause))?;
+                let there = self.at(temperature_c).map_err(Error::Computation)?;
                 Ok(Cow::Owned(there))
             }
             None => Ok(Cow::Borrowed(self)),
