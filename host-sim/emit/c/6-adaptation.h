@@ -82,6 +82,7 @@ static inline void springpot_adaptation_forget(springpot_adaptation_state *state
         state->upper[i] = 0.0F;
     }
     state->misfit = 1.0F;
+    state->ageing = 0.0F;
 }
 
 /* Variance of an estimate, in squares of what is expected, if forces are explained as well as is expected. */

@@ -96,8 +96,11 @@ fn it_is_held_forgotten_and_switched_off() {
     held.force_scale = 1.1;
     run(&mut held, [30, 60], false);
     assert!(before > 0.8 && (ageing(&held) - before).abs() < 0.02, "{before}: {:?}", held.controller.adaptation());
+    held.ask(|controller| controller.order_adaptation(AdaptationOrder::Forget)).expect("within bounds");
+    run(&mut held, [60, 61], false);
+    assert_eq!((ageing(&held), held.controller.adaptation().adapting), (0.0, Adapting::Hold));
     held.ask(|controller| controller.order_adaptation(AdaptationOrder::Off)).expect("within bounds");
-    run(&mut held, [60, 90], false);
+    run(&mut held, [61, 90], false);
     assert_eq!((ageing(&held), held.controller.adaptation().adapting), (0.0, Adapting::Off));
 
     let mut forgotten = learned();

@@ -177,5 +177,6 @@ impl<T: Real, P> AdaptationState<T, P> {
         self.diagonal = [T::from_f64(1.0); PARAMETERS];
         self.upper = [T::ZERO; ABOVE];
         self.misfit = T::from_f64(1.0);
+        self.ageing = T::ZERO;
     }
 }
