@@ -29,6 +29,9 @@ const SIZE: f64 = 2.5e-3;
 /// The same of a cause that leaves no more than this share.
 const CLEAR_SIZE: f64 = 1.2e-3;
 const CLEAR: f64 = 0.1;
+/// Both of zeros that differ, which a fit estimates with one number for each recording.
+const CLEAR_ZEROS_SIZE: f64 = 0.5e-3;
+const CLEAR_ZEROS: f64 = 0.3;
 /// Most causes.
 const MAX_CAUSES: usize = 4;
 /// Addition to the score of a cause for each of its columns.
@@ -321,13 +324,15 @@ impl State {
     /// The cause that explains most of what is left, which the film then includes.
     fn next_fault(&mut self) -> Option<Fault> {
         let before = self.basis.square();
-        if self.rms(before) < CLEAR_SIZE {
+        if self.rms(before) < CLEAR_ZEROS_SIZE {
             return None;
         }
         let (left, cause) = self.likeliest(before)?;
         let explained = before - left;
         let size = self.rms(explained);
-        let is_clear = left < CLEAR * before && size > CLEAR_SIZE;
+        let of_zeros = cause.effect == Effect::Offset;
+        let (share, least) = if of_zeros { (CLEAR_ZEROS, CLEAR_ZEROS_SIZE) } else { (CLEAR, CLEAR_SIZE) };
+        let is_clear = left < share * before && size > least;
         if !is_clear && (explained < (1.0 - WORTH) * before || size < SIZE) {
             return None;
         }

@@ -141,7 +141,8 @@ fn build_in<T: Real + Send + 'static>(
             let follower = learning_too(tracking, learning);
             let correction = |state: &FollowerState<T>| {
                 let (observer, tracking) = (state.observer(), state.compensator());
-                let changes = tracking.is_adapted().then(|| [tracking.ageing(), tracking.stiffness_change()]);
+                let changes =
+                    (tracking.adapting() == Adapting::Learn).then(|| [tracking.ageing(), tracking.stiffness_change()]);
                 Some((observer.disturbance(), observer.force_scale(), changes))
             };
             let mut state = follower.state(rest);
