@@ -102,7 +102,7 @@ pub(crate) fn simulate<'py>(
     let recording = recording.read(py, false)?;
     let (source, recording) = (&model.get().source, &recording.get().recording);
     let (grid, computed) = watch::run(py, None, |caller| {
-        let parameters = parameters.along(recording)?;
+        let parameters = parameters.along(recording).map_err(|e| e.about(source, recording.path()))?;
         let grid = recording.grid(options.rate_hz)?;
         let input = match direction {
             Direction::Force => recording.drive()?,
@@ -258,7 +258,8 @@ pub(crate) fn observe<'py>(
     let (source, recording) = (&model.get().source, &recording.get().recording);
     let (observed, estimates) = watch::run(py, None, |caller| {
         let observed = ObservedRecording::from_recording(recording, rate_hz)?;
-        let estimates = observed.estimate(&*parameters.along(recording)?, tuning, precision, caller);
+        let parameters = parameters.along(recording).map_err(|e| e.about(source, recording.path()))?;
+        let estimates = observed.estimate(&*parameters, tuning, precision, caller);
         Ok((observed, estimates.map_err(|e| e.about(source, recording.path()))?))
     })?;
     let summary = estimates.summary();

@@ -71,6 +71,8 @@ def test_tracking_follows_a_stated_temperature() -> None:
     [cold, stated, warm] = voltages
     assert np.max(np.abs(stated / warm - 1)) < 0.01 < np.min(np.abs(cold / warm - 1))
     tracking = sp.Tracking(model, 100)
+    tracking.set_temperature(30.0)
+    assert tracking.tick(0.3e-3).ageing is None
     for temperature_c, cause in ((300.0, "K or °F"), (70.0, "run its parameters at that temperature"), (math.nan, "NaN")):
         with pytest.raises(sp.InputError, match=f"temperature_c.*{cause}"):
             tracking.set_temperature(temperature_c)

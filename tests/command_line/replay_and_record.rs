@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use host_sim::files::parameters::Parameters;
 use host_sim::files::recording::{Input, Recording};
 use host_sim::grid::Samples;
 use tests::recordings;
@@ -209,4 +210,21 @@ fn recordings_are_reproducible() {
             assert!(differ * 1000 <= old.value.len(), "{}: {differ} cells differ", path.display());
         }
     }
+}
+
+/// A recording at a temperature that the film's dependence does not reach is left out beside others, and refused alone.
+#[test]
+fn a_temperature_out_of_reach_is_left_out() {
+    let bench = Bench::new(TOOL);
+    let film = Parameters::preset("table3-n2").expect("there").to_toml().replace("schema = 1", "schema = 5");
+    let table = "[temperature]\nreference_c = 20.0\nstiffness_per_k = -0.01\nactivation_kj_per_mol = 50.0\n";
+    bench.write("film.toml", format!("{film}{table}"));
+    for (file, temperature_c) in [("cool.csv", 22.0), ("hot.csv", 140.0)] {
+        let row = |k: u32| format!("{k},{},{},{temperature_c}\n", 10 * k, 1e-6 * f64::from(k));
+        let rows: String = (0..100).map(row).collect();
+        bench.write(file, format!("time_s,voltage_v,displacement_m,temperature_c\n{rows}"));
+    }
+    let report = bench.json("replay --params film.toml cool.csv hot.csv");
+    assert_eq!((rows(&report["recordings"]).len(), &report["without_response"][0]["file"]), (1, &"hot.csv".into()));
+    names(&bench.fails("replay --params film.toml hot.csv"), &["hot.csv", "at 140 °C"]);
 }

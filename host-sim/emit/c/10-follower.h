@@ -17,7 +17,7 @@ typedef struct {
     springpot_learning_state learning;
 } springpot_follower_state;
 
-SPRINGPOT_ASSERT(sizeof(springpot_follower_state) == 2628U, a_state_of_a_follower_takes_2628_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_follower_state) == 2632U, a_state_of_a_follower_takes_2632_bytes);
 
 /* A film at rest, 0 V, the reference where the film is. `has_sensor`: tracking, with all that samples correct; otherwise feedforward.
  * `learns`: cycles are learned, if the film's `learning` is not NULL. */

@@ -117,6 +117,7 @@ typedef struct {
     uint32_t is_excited; /* 1: the load swings */
     float ageing;
     float misfit;        /* mean square of the differences between what is found and estimated, over the variance that is expected of them */
+    float doubt;         /* variance of the force scale when it was last learned, in squares of what is expected */
     float estimates[SPRINGPOT_PARAMETERS];
     float used[SPRINGPOT_PARAMETERS];     /* the part of them that is in use */
     float forces[SPRINGPOT_PARAMETERS];   /* by which they act, N */
@@ -138,7 +139,7 @@ typedef struct {
 SPRINGPOT_ASSERT(sizeof(springpot_state) == 416U, a_state_of_a_law_takes_416_bytes);
 SPRINGPOT_ASSERT(sizeof(springpot_feedforward_state) == 464U, a_state_of_feedforward_takes_464_bytes);
 SPRINGPOT_ASSERT(sizeof(springpot_observer_state) == 752U, a_state_of_an_observer_takes_752_bytes);
-SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 1168U, a_state_of_tracking_takes_1168_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 1172U, a_state_of_tracking_takes_1172_bytes);
 
 /* ---- Inputs and outputs. */
 

@@ -49,6 +49,7 @@ static inline void springpot_adaptation_init(springpot_adaptation_state *state)
     state->is_excited = 0U;
     state->ageing = 0.0F;
     state->misfit = 1.0F;
+    state->doubt = 1.0F;
     state->rate = 0.0F;
     for (i = 0U; i < 2U; i++) {
         state->stated[i] = 0.0F;
@@ -82,27 +83,30 @@ static inline void springpot_adaptation_forget(springpot_adaptation_state *state
         state->upper[i] = 0.0F;
     }
     state->misfit = 1.0F;
+    state->doubt = 1.0F;
     state->ageing = 0.0F;
 }
 
-/* Variance of an estimate, in squares of what is expected, if forces are explained as well as is expected. */
-static inline float springpot_variance(const springpot_adaptation_state *state, uint32_t parameter)
+/* Covariance of two estimates, in squares of what is expected, if forces are explained as well as is expected: the entry of U D U'. */
+static inline float springpot_covariance(const springpot_adaptation_state *state, uint32_t row, uint32_t column)
 {
-    float variance = state->diagonal[parameter];
+    float sum = 0.0F;
     uint32_t i;
 
-    for (i = parameter + 1U; i < SPRINGPOT_PARAMETERS; i++) {
-        const float entry = state->upper[((i * (i - 1U)) / 2U) + parameter];
-        variance = variance + ((entry * entry) * state->diagonal[i]);
+    for (i = (row > column) ? row : column; i < SPRINGPOT_PARAMETERS; i++) {
+        const float *above = &state->upper[(i * (i - ((i > 0U) ? 1U : 0U))) / 2U];
+        const float left = (i == row) ? 1.0F : above[row];
+        const float right = (i == column) ? 1.0F : above[column];
+        sum = sum + ((left * right) * state->diagonal[i]);
     }
-    return variance;
+    return sum;
 }
 
 /* Standard deviation of the force scale, over it. */
 static inline float springpot_uncertainty(const springpot_adaptation *adaptation, const springpot_adaptation_state *state)
 {
     return sqrtf(state->misfit)
-        * (adaptation->parameters[SPRINGPOT_ADAPTED_SCALE].expected * sqrtf(springpot_variance(state, SPRINGPOT_ADAPTED_SCALE)));
+        * (adaptation->parameters[SPRINGPOT_ADAPTED_SCALE].expected * sqrtf(springpot_covariance(state, SPRINGPOT_ADAPTED_SCALE, SPRINGPOT_ADAPTED_SCALE)));
 }
 
 /* The largest change, less its part that may be chance, over the one that is an ageing of 1. */
@@ -115,10 +119,11 @@ static inline float springpot_aged(const springpot_adaptation *adaptation, const
     for (i = 0U; i < SPRINGPOT_ADAPTED_BIAS; i++) {
         const springpot_parameter *parameter = &adaptation->parameters[i];
         const float used = springpot_size(state->used[i]);
-        const float by_chance = chance * ((parameter->expected * parameter->expected) * springpot_variance(state, i));
-        /* NaN for a change of 0 is not larger. */
-        const float change = (used - (by_chance / used)) * parameter->aged;
-        aged = (change > aged) ? change : aged;
+        const float by_chance = chance * ((parameter->expected * parameter->expected) * springpot_covariance(state, i, i));
+        if ((used * used) > by_chance) {
+            const float change = (used - (by_chance / used)) * parameter->aged;
+            aged = (change > aged) ? change : aged;
+        }
     }
     return aged;
 }
@@ -300,13 +305,6 @@ static inline void springpot_bring_into_use(
     observed->disturbance = observed->disturbance - shift;
     observed->integral_mean = state->used[SPRINGPOT_ADAPTED_BIAS];
     state->stiffer = springpot_exp(adaptation, state->used[SPRINGPOT_ADAPTED_MEMORY]) - 1.0F;
-    if (state->adapting == SPRINGPOT_ADAPT_LEARN) {
-        state->ageing = springpot_aged(adaptation, state);
-    } else if (state->adapting == SPRINGPOT_ADAPT_OFF) {
-        state->ageing = 0.0F;
-    } else {
-        /* stays */
-    }
     /* What is not seen changes as well. */
     variance = state->diagonal[SPRINGPOT_ADAPTED_SCALE] + adaptation->wandering;
     state->diagonal[SPRINGPOT_ADAPTED_SCALE] = (variance > 1.0F) ? 1.0F : variance;
@@ -374,6 +372,9 @@ static inline void springpot_learn(
             state->estimates[i] + ((gains[i] * step) * parameter->expected), -parameter->bound, parameter->bound);
         state->diagonal[i] = (variance > 1.0F) ? 1.0F : variance;
     }
+    /* It counts until something is learned again, although nothing is known of what changes meanwhile. */
+    state->doubt = state->misfit * springpot_covariance(state, SPRINGPOT_ADAPTED_SCALE, SPRINGPOT_ADAPTED_SCALE);
+    state->ageing = springpot_aged(adaptation, state);
 }
 
 /* A tick of a film that changes, after that of the observer. Work is spread over rounds of some thirty ticks: in each tick a mode, in the

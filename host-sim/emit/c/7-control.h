@@ -312,27 +312,37 @@ static inline springpot_adapted springpot_tracking_adapted(const springpot_film 
 }
 
 /* By how much the film's stiffness differs from its law's, if nothing else does: 0.02 for 2 % more. 0 below 1.25 %, and for what may be chance: three
- * uncertainties. A change of something else shows as well, as the stiffness that explains it best. */
+ * uncertainties when it was last learned. A change of something else shows as well, as the stiffness that explains it best. */
 static inline float springpot_tracking_stiffness_change(const springpot_film *film, const springpot_tracking_state *state)
 {
     const springpot_adaptation *adaptation = &film->adaptation;
     const springpot_adaptation_state *adapting = &state->adaptation;
-    const float by_chance = adaptation->by_chance * springpot_uncertainty(adaptation, adapting);
-    float alone[SPRINGPOT_PARAMETERS];
+    const float expected = adaptation->parameters[SPRINGPOT_ADAPTED_SCALE].expected;
+    const float by_chance = adaptation->by_chance * (expected * sqrtf(adapting->doubt));
+    float left[SPRINGPOT_ADAPTED_BIAS];
+    float covariance[SPRINGPOT_ADAPTED_BIAS][SPRINGPOT_ADAPTED_BIAS];
     float scale;
-    uint32_t column;
+    uint32_t from;
     uint32_t i;
+    uint32_t j;
 
-    /* With the estimates as U w, the first of w is the scale's if all others are 0. The bias, which the disturbance has, counts as 0. */
+    /* The estimate of the scale if memory, rate and stretch are 0, whatever the bias is: what they explain goes, one after another. */
     for (i = 0U; i < SPRINGPOT_ADAPTED_BIAS; i++) {
-        alone[i] = adapting->estimates[i] / adaptation->parameters[i].expected;
-    }
-    for (column = SPRINGPOT_ADAPTED_BIAS - 1U; column > 0U; column--) {
-        for (i = 0U; i < column; i++) {
-            alone[i] = alone[i] - (adapting->upper[((column * (column - 1U)) / 2U) + i] * alone[column]);
+        left[i] = adapting->estimates[i] / adaptation->parameters[i].expected;
+        for (j = 0U; j < SPRINGPOT_ADAPTED_BIAS; j++) {
+            covariance[i][j] = springpot_covariance(adapting, i, j);
         }
     }
-    scale = adaptation->parameters[SPRINGPOT_ADAPTED_SCALE].expected * alone[SPRINGPOT_ADAPTED_SCALE];
+    for (from = SPRINGPOT_ADAPTED_BIAS - 1U; from > 0U; from--) {
+        for (i = 0U; i < from; i++) {
+            const float share = covariance[from][i] / covariance[from][from];
+            left[i] = left[i] - (share * left[from]);
+            for (j = 0U; j < from; j++) {
+                covariance[i][j] = covariance[i][j] - (share * covariance[from][j]);
+            }
+        }
+    }
+    scale = expected * left[SPRINGPOT_ADAPTED_SCALE];
     if ((springpot_size(scale) > adaptation->min_change) && (springpot_size(scale) > by_chance)) {
         return springpot_exp(adaptation, -scale) - 1.0F;
     }
@@ -346,6 +356,7 @@ static inline bool springpot_tracking_restore(
 {
     const springpot_adaptation *adaptation = &film->adaptation;
     const float stated[2] = {state->adaptation.stated[0], state->adaptation.stated[1]};
+    const float doubt = adapted->uncertainty / adaptation->parameters[SPRINGPOT_ADAPTED_SCALE].expected;
     bool is_sound = (adapted->force_scale > 0.0F) && springpot_is_finite(adapted->uncertainty) && springpot_is_finite(adapted->ageing);
     float used[SPRINGPOT_PARAMETERS];
     uint32_t i;
@@ -367,6 +378,7 @@ static inline bool springpot_tracking_restore(
         state->adaptation.stated[0] = stated[0];
         state->adaptation.stated[1] = stated[1];
         state->adaptation.ageing = adapted->ageing;
+        state->adaptation.doubt = doubt * doubt;
         state->adaptation.is_in_use = 1U;
         state->adaptation.adapting = SPRINGPOT_ADAPT_HOLD;
     }

@@ -55,7 +55,7 @@ typedef struct {
 } springpot_tick_state;
 
 /* States are stored and compared as words: nothing is padded. */
-SPRINGPOT_ASSERT(sizeof(springpot_tick_state) == 2636U, a_state_of_a_tick_takes_2636_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_tick_state) == 2640U, a_state_of_a_tick_takes_2640_bytes);
 
 /* Whether a mode is a law of control, whose voltage is a command. */
 static inline bool springpot_tick_controls(uint32_t kind)

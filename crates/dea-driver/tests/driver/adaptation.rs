@@ -198,7 +198,8 @@ fn what_was_kept_is_used_after_a_restart() {
     assert_eq!(&read, learned.controller.parameters());
 
     let mut restarted = Bench { force_scale: 0.9, ..Bench::with(read) };
-    let AdaptationStatus { adapting, adapted, .. } = restarted.controller.adaptation();
+    let AdaptationStatus { adapting, adapted, stiffness_change, .. } = restarted.controller.adaptation();
+    assert!((stiffness_change - 0.1 / 0.9).abs() < 0.02, "{stiffness_change}");
     let before = learned.controller.adaptation().adapted;
     assert_eq!((adapting, adapted.memory, adapted.rate), (Adapting::Hold, before.memory, before.rate));
     assert!((adapted.force_scale / before.force_scale - 1.0).abs() < 1e-4, "{adapted:?} after {before:?}");

@@ -122,7 +122,9 @@ pub(crate) struct AdaptationState<T, P> {
     upper: [T; ABOVE],
     /// Mean square of the differences between what is found and estimated, over the variance that is expected of them.
     misfit: T,
-    /// How far the film has moved from its law.
+    /// Variance of the force scale when it was last learned, in squares of what is expected.
+    doubt: T,
+    /// How far the film has moved from its law, then.
     ageing: T,
     /// Whether any of it is in use, and whether it stays so.
     is_in_use: bool,
@@ -305,11 +307,6 @@ impl<T: Real> Adaptation<T> {
         state.rate = clamp(state.used[RATE] + state.stated_used[1], -rate, rate);
         observed.adapt_to(scale, shift, state.used[BIAS]);
         state.stiffer = exp(state.used[MEMORY]) - one;
-        state.ageing = match state.adapting {
-            Adapting::Off => T::ZERO,
-            Adapting::Hold => state.ageing,
-            Adapting::Learn => state.aged(),
-        };
         // What is not seen changes as well.
         let scale = state.diagonal[SCALE] + T::from_f64(WANDERED) * self.forgetting;
         state.diagonal[SCALE] = if scale > one { one } else { scale };
@@ -389,5 +386,6 @@ impl<T: Real> Adaptation<T> {
             let grown = *variance + self.forgetting * T::from_f64(rate) * *variance;
             *variance = if grown > one { one } else { grown };
         }
+        state.judge();
     }
 }

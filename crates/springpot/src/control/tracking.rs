@@ -218,7 +218,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         self.adaptation.adapting()
     }
 
-    /// Whether anything was learned of a film that changes.
+    /// Whether the law is, or need not stay, another one than was fitted: by what is learned, or by a temperature.
     #[must_use]
     #[inline]
     pub fn is_adapted(&self) -> bool {
@@ -287,7 +287,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
     }
 
     /// By how much the film's stiffness differs from its law's, if nothing else does: 0.02 for 2 % more. 0 below 1.25 %, and for what may be chance: three
-    /// [uncertainties](Adapted::uncertainty). A change of something else shows as well, as the stiffness that explains it best.
+    /// [uncertainties](Adapted::uncertainty) when it was last learned. A change of something else shows as well, as the stiffness that explains it best.
     #[must_use]
     pub fn stiffness_change(&self) -> T {
         self.adaptation.stiffness_change()

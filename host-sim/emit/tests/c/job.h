@@ -58,7 +58,7 @@ static void job_adapt(const springpot_film *film, springpot_follower_state *foll
         springpot_follower_set_adapting(follower, SPRINGPOT_ADAPT_OFF);
     }
     if ((in->flags & 4096U) != 0U) {
-        springpot_adapted adapted = {0.0F, 0.0F, 0.1F, -0.4F, 0.0F, 0.02F, 0.25F};
+        springpot_adapted adapted = {0.0F, 0.01F, 0.1F, -0.4F, 0.0F, 0.02F, 0.25F};
         adapted.force_scale = 0.9F * in->b;
         adapted.stretch = 220.0F * in->a;
         (void)springpot_follower_restore(film, follower, &adapted);

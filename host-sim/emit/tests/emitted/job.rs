@@ -218,7 +218,7 @@ fn adapt(state: &mut FollowerState<f32, Tracking<f32>>, input: &Input) {
         RESTORE => {
             let adapted = Adapted {
                 force_scale: 0.9 * input.b,
-                uncertainty: 0.0,
+                uncertainty: 0.01,
                 memory: 0.1,
                 rate: -0.4,
                 stretch: 220.0 * input.a,

@@ -231,9 +231,10 @@ impl Recording {
     pub fn unused_temperature(&self) -> Option<String> {
         let is_wanted = self.voltage_v.is_some() || self.force_n.is_some();
         let name = *self.understood.other_temperatures().first().filter(|_| is_wanted)?;
-        Some(format!(
-            "{name:?} is not used; if it is the temperature of the film, in °C: `columns` temperature={name:?}"
-        ))
+        // A comma separates columns.
+        let which = if name.contains([',', '"']) { "NUMBER".into() } else { format!("{name:?}") };
+        let cause = format!("{name:?} is not used; if it is the temperature of the film, in °C");
+        Some(format!("{cause}: `columns` temperature={which}"))
     }
 
     /// The column of `quantity` as it was understood.

@@ -79,9 +79,20 @@ fn a_temperature_that_is_not_used_is_named() {
         let csv = format!("time_s,{columns}\n0,{rows}\n1,{rows}\n");
         Recording::from_csv(Path::new("r.csv"), csv.as_bytes()).expect("valid").unused_temperature()
     };
-    for name in
-        ["Temp (°C)", "temperature_k", "ambientTemperature", "T °C", "T [℃]", "Température", "环境温度", "PT100"]
-    {
+    for name in [
+        "Temp (°C)",
+        "temperature_k",
+        "ambientTemperature",
+        "T °C",
+        "T [℃]",
+        "Température",
+        "环境温度",
+        "室温",
+        "PT100",
+        "Temp1",
+        "NTC2 (K)",
+        "Raumtemperatur",
+    ] {
         let remark = remark(&format!("voltage_v,{name}"), "1,20").unwrap_or_default();
         assert!(remark.starts_with(&format!("{name:?} is not used")), "{name}: {remark}");
     }

@@ -160,7 +160,8 @@ impl Film {
 
     /// Whether the law is, or becomes, another one than was fitted.
     pub(super) fn is_followed(&self) -> bool {
-        self.adapting != "off" || self.ageing != 0.0
+        let factors = [self.memory_factor, self.rate_factor, self.order_factor];
+        self.adapting != "off" || self.constant_force_n != 0.0 || factors.iter().any(|factor| *factor != 1.0)
     }
 
     /// The change that a user should know, if there is one.

@@ -27,6 +27,7 @@ impl<T: Real, P> AdaptationState<T, P> {
             diagonal: [T::from_f64(1.0); PARAMETERS],
             upper: [T::ZERO; ABOVE],
             misfit: T::from_f64(1.0),
+            doubt: T::from_f64(1.0),
             ageing: T::ZERO,
             is_in_use: false,
             adapting: Adapting::Off,
@@ -107,7 +108,10 @@ impl<T: Real, P> AdaptationState<T, P> {
         let stated = self.stated;
         let adapting = Adapting::Hold;
         let ageing = adapted.ageing;
-        *self = Self { estimates: used, used, stated, ageing, is_in_use: true, adapting, ..Self::as_fitted::<M>() };
+        let doubt = adapted.uncertainty / T::from_f64(EXPECTED[SCALE]);
+        let doubt = doubt * doubt;
+        *self =
+            Self { estimates: used, used, stated, doubt, ageing, is_in_use: true, adapting, ..Self::as_fitted::<M>() };
     }
 
     /// The changes that are in use; of a law that follows no film the observer's `force_scale`.
@@ -125,43 +129,67 @@ impl<T: Real, P> AdaptationState<T, P> {
     /// Variance of an estimate, in squares of what is expected, if forces are explained as well as is expected.
     #[inline]
     fn variance(&self, parameter: usize) -> T {
-        let own = self.diagonal.get(parameter).copied().unwrap_or(T::ZERO);
-        self.diagonal.iter().enumerate().skip(parameter + 1).fold(own, |sum, (column, &variance)| {
-            let entry = self.upper.get(column * (column - 1) / 2 + parameter).copied().unwrap_or(T::ZERO);
-            sum + entry * entry * variance
-        })
+        self.covariance(parameter, parameter)
+    }
+
+    /// Covariance of two estimates, likewise: the entry of U D Uᵀ.
+    #[inline]
+    fn covariance(&self, row: usize, column: usize) -> T {
+        let entry = |row: usize, along: usize| {
+            let above = || self.upper.get(along * along.saturating_sub(1) / 2 + row).copied().unwrap_or(T::ZERO);
+            if along == row { T::from_f64(1.0) } else { above() }
+        };
+        let parts = self.diagonal.iter().enumerate();
+        parts
+            .skip(row.max(column))
+            .fold(T::ZERO, |sum, (along, &variance)| sum + entry(row, along) * entry(column, along) * variance)
     }
 
     /// The largest change, less its part that may be chance, over the one that is an ageing of 1.
     #[inline]
-    pub(super) fn aged(&self) -> T {
+    fn aged(&self) -> T {
         let chance = T::from_f64(BY_CHANCE) * T::from_f64(BY_CHANCE) * self.misfit;
         let changes = self.used.iter().zip(EXPECTED).zip(AGED).enumerate();
         changes.fold(T::ZERO, |largest, (parameter, ((used, expected), aged))| {
             let used = used.abs();
             let by_chance = chance * (T::from_f64(expected) * T::from_f64(expected) * self.variance(parameter));
-            let change = (used - by_chance / used) * T::from_f64(1.0 / aged);
-            // NaN for a change of 0 is not larger.
-            if change > largest { change } else { largest }
+            if used * used > by_chance {
+                let change = (used - by_chance / used) * T::from_f64(1.0 / aged);
+                if change > largest { change } else { largest }
+            } else {
+                largest
+            }
         })
+    }
+
+    /// Judges what was learned now. It counts until something is learned again, although nothing is known of what changes meanwhile.
+    #[inline]
+    pub(super) fn judge(&mut self) {
+        self.doubt = self.misfit * self.variance(SCALE);
+        self.ageing = self.aged();
     }
 
     /// [`TrackingState::stiffness_change`](crate::TrackingState::stiffness_change).
     pub(crate) fn stiffness_change(&self) -> T {
-        // With the estimates as U w, the first of w is the scale's if all others are 0. The bias, which the disturbance has, counts as 0.
-        let mut alone = self.estimates.map(|_| T::ZERO);
-        for ((alone, &estimate), expected) in alone.iter_mut().zip(&self.estimates).take(BIAS).zip(EXPECTED) {
-            *alone = estimate / T::from_f64(expected);
+        // The estimate of the scale if memory, rate and stretch are 0, whatever the bias is: what they explain goes, one after another.
+        let mut left = self.estimates;
+        for (left, expected) in left.iter_mut().zip(EXPECTED) {
+            *left = *left / T::from_f64(expected);
         }
-        for column in (1..BIAS).rev() {
-            let own = alone.get(column).copied().unwrap_or(T::ZERO);
-            let entries = self.upper.iter().skip(column * (column - 1) / 2).take(column);
-            for (alone, &entry) in alone.iter_mut().zip(entries) {
-                *alone = *alone - entry * own;
+        let mut covariance: [[T; BIAS]; BIAS] =
+            core::array::from_fn(|row| core::array::from_fn(|column| self.covariance(row, column)));
+        for from in (1..BIAS).rev() {
+            let (open, own) = (left[from], covariance[from]);
+            for row in 0..from {
+                let share = own[row] / own[from];
+                left[row] = left[row] - share * open;
+                for column in 0..from {
+                    covariance[row][column] = covariance[row][column] - share * own[column];
+                }
             }
         }
-        let scale = T::from_f64(EXPECTED[SCALE]) * alone[SCALE];
-        let by_chance = T::from_f64(BY_CHANCE) * self.uncertainty();
+        let scale = T::from_f64(EXPECTED[SCALE]) * left[SCALE];
+        let by_chance = T::from_f64(BY_CHANCE) * (T::from_f64(EXPECTED[SCALE]) * self.doubt.sqrt());
         let is_shown = scale.abs() > T::from_f64(MIN_CHANGE) && scale.abs() > by_chance;
         if is_shown { exp(-scale) - T::from_f64(1.0) } else { T::ZERO }
     }
@@ -177,6 +205,7 @@ impl<T: Real, P> AdaptationState<T, P> {
         self.diagonal = [T::from_f64(1.0); PARAMETERS];
         self.upper = [T::ZERO; ABOVE];
         self.misfit = T::from_f64(1.0);
+        self.doubt = T::from_f64(1.0);
         self.ageing = T::ZERO;
     }
 }

@@ -185,7 +185,11 @@ impl Title {
 /// Whether a column of this `name` may be a temperature, by its words or its unit.
 pub(super) fn is_temperature(name: &str) -> bool {
     let words = words(name);
-    let is_named = |candidate: &str| words.iter().any(|word| word == candidate) || is_within(candidate, name);
+    let is_word = |word: &str, candidate: &str| {
+        let bare = word.trim_end_matches(|c: char| c.is_ascii_digit());
+        word == candidate || bare == candidate || (candidate.len() > 9 && word.contains(candidate))
+    };
+    let is_named = |candidate: &str| words.iter().any(|word| is_word(word, candidate)) || is_within(candidate, name);
     let is_unit =
         |unit: &str| name.trim().ends_with(unit) || without_brackets(name).1.iter().any(|text| text.trim() == unit);
     TEMPERATURES.split(' ').any(is_named) || DEGREES.split(' ').any(is_unit)

@@ -29,7 +29,7 @@ pub(super) const OF_TWO_VOLTAGES: &[(Quantity, &str)] = &[
 
 /// Words and units of temperatures.
 pub(super) const TEMPERATURES: &str =
-    "temperature temp temperatur température temperatura thermocouple pt100 ntc 温度 溫度 気温";
+    "temperature temp temperatur température temperatura thermocouple pt100 ntc 温度 溫度 気温 室温";
 pub(super) const DEGREES: &str = "°C ℃ °F ℉ degC degF";
 
 /// Letters that name a quantity where they are all of a name.
