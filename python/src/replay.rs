@@ -259,7 +259,7 @@ pub(crate) fn observe<'py>(
     let (observed, estimates) = watch::run(py, None, |caller| {
         let observed = ObservedRecording::from_recording(recording, rate_hz)?;
         let parameters = parameters.along(recording).map_err(|e| e.about(source, recording.path()))?;
-        let estimates = observed.estimate(&*parameters, tuning, precision, caller);
+        let estimates = observed.estimate(&parameters, tuning, precision, caller);
         Ok((observed, estimates.map_err(|e| e.about(source, recording.path()))?))
     })?;
     let summary = estimates.summary();
