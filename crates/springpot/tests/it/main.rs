@@ -19,6 +19,7 @@ mod learned_films;
 mod learning;
 mod observer;
 mod passivity;
+mod reported_changes;
 mod responses;
 mod second_order;
 mod self_sensing;
