@@ -69,7 +69,8 @@ def test_tracking_follows_a_stated_temperature() -> None:
             tracking.set_temperature(temperature_c)
         voltages.append(np.array([tracking.tick(target).voltage_v for target in sine])[3000:])
     [cold, stated, warm] = voltages
-    assert np.max(np.abs(stated / warm - 1)) < 0.01 < np.min(np.abs(cold / warm - 1))
+    # Modes faster than 2/s keep their rates.
+    assert np.max(np.abs(stated / warm - 1)) < 0.02 < 0.08 < np.min(np.abs(cold / warm - 1))
     tracking = sp.Tracking(model, 100)
     tracking.set_temperature(30.0)
     assert tracking.tick(0.3e-3).ageing is None
