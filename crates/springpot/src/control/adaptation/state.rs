@@ -133,7 +133,7 @@ impl<T: Real, P> AdaptationState<T, P> {
     }
 
     /// Covariance of two estimates, likewise: the entry of U D Uᵀ.
-    #[inline]
+    #[inline(never)] // of twenty calls
     fn covariance(&self, row: usize, column: usize) -> T {
         let entry = |row: usize, along: usize| {
             let above = || self.upper.get(along * along.saturating_sub(1) / 2 + row).copied().unwrap_or(T::ZERO);
