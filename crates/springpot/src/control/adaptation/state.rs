@@ -129,20 +129,24 @@ impl<T: Real, P> AdaptationState<T, P> {
     /// Variance of an estimate, in squares of what is expected, if forces are explained as well as is expected.
     #[inline]
     fn variance(&self, parameter: usize) -> T {
-        self.covariance(parameter, parameter)
+        self.entry(parameter, parameter)
     }
 
-    /// Covariance of two estimates, likewise: the entry of U D Uᵀ.
-    #[inline(never)] // of twenty calls
+    /// Covariance of two estimates, likewise.
+    #[inline(never)] // sixteen calls, outside of ticks
     fn covariance(&self, row: usize, column: usize) -> T {
-        let entry = |row: usize, along: usize| {
-            let above = || self.upper.get(along * along.saturating_sub(1) / 2 + row).copied().unwrap_or(T::ZERO);
-            if along == row { T::from_f64(1.0) } else { above() }
+        self.entry(row, column)
+    }
+
+    /// An entry of U D Uᵀ.
+    #[inline]
+    fn entry(&self, row: usize, column: usize) -> T {
+        let above = |row: usize, along: usize| {
+            let entry = || self.upper.get(along * along.saturating_sub(1) / 2 + row).copied().unwrap_or(T::ZERO);
+            if along == row { T::from_f64(1.0) } else { entry() }
         };
-        let parts = self.diagonal.iter().enumerate();
-        parts
-            .skip(row.max(column))
-            .fold(T::ZERO, |sum, (along, &variance)| sum + entry(row, along) * entry(column, along) * variance)
+        let parts = self.diagonal.iter().enumerate().skip(row.max(column));
+        parts.fold(T::ZERO, |sum, (along, &variance)| sum + above(row, along) * above(column, along) * variance)
     }
 
     /// The largest change, less its part that may be chance, over the one that is an ageing of 1.
