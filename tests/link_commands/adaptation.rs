@@ -93,7 +93,7 @@ fn a_film_that_has_changed_is_reported() {
     let change = number(&played["adaptation"]["stiffness_change"]);
     assert!((change + 0.2).abs() < 0.05, "{played}");
     let shown = board.bench.run(&board.line("adaptation"));
-    names(&String::from_utf8_lossy(&shown.stdout), &["% softer than its parameters"]);
+    names(&String::from_utf8_lossy(&shown.stdout), &["% softer than its parameters", "its load"]);
     // What was kept is in use where the board starts again with what it has stored; not after it was kept that nothing was learned.
     board.json("adaptation keep");
     board.json("reload");

@@ -173,7 +173,10 @@ impl Film {
             (true, 0.0) => Some(fit.to_owned()),
             (needs_fit, change) => {
                 let fit = if needs_fit { format!("; {fit}") } else { String::new() };
-                Some(format!("the film is {:.1} % {softer} than its parameters{fit}", 100.0 * change.abs()))
+                Some(format!(
+                    "the film acts as if it were {:.1} % {softer} than its parameters: it has changed, or its load, its temperature or the sensor's scale{fit}",
+                    100.0 * change.abs()
+                ))
             }
         }
     }
