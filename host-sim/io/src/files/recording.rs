@@ -230,7 +230,7 @@ impl Recording {
     /// The remark on a column that may be the film's temperature, and is not used.
     pub fn unused_temperature(&self) -> Option<String> {
         let is_wanted = self.voltage_v.is_some() || self.force_n.is_some();
-        let name = *self.understood.other_temperatures().first().filter(|_| is_wanted)?;
+        let name = self.understood.unused_temperature().filter(|_| is_wanted)?;
         // A comma separates columns.
         let which = if name.contains([',', '"']) { "NUMBER".into() } else { format!("{name:?}") };
         let cause = format!("{name:?} is not used; if it is the temperature of the film, in °C");

@@ -66,10 +66,10 @@ impl Understood {
         self.columns.iter().all(|column| column.by == By::OwnName)
     }
 
-    /// Names of columns that may be temperatures, where none of them is used.
-    pub fn other_temperatures(&self) -> Vec<&str> {
+    /// Name of the first column that may be a temperature, where none is used.
+    pub fn unused_temperature(&self) -> Option<&str> {
         let is_used = self.columns.iter().any(|column| column.quantity == Quantity::Temperature);
-        self.ignored.iter().map(String::as_str).filter(|name| !is_used && names::is_temperature(name)).collect()
+        self.ignored.iter().map(String::as_str).find(|name| !is_used && names::is_temperature(name))
     }
 
     /// From the numbers of the file to SI, for `quantity`.
