@@ -42,11 +42,12 @@ macro_rules! kernel {
 
 /// Runs a kernel once its trace has begun: then there is a file, within far fewer tries.
 fn traced(kernel: impl FnOnce()) {
-    println!("begin");
+    // At the beginning of a line, whatever the monitor echoes meanwhile.
+    println!("\nbegin");
     let has_begun = (0..10_000_000).any(|_| remove_file(c"go").is_ok());
     assert!(has_begun, "there is no trace");
     kernel();
-    println!("end");
+    println!("\nend");
 }
 
 fn built<T, E>(result: Result<T, E>) -> T {
