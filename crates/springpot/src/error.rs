@@ -336,8 +336,9 @@ pub enum ControlError {
         /// Time between samples, s.
         sample_interval_s: f64,
     },
-    /// A bandwidth above a third of the model's resonance, the frequency from which inertia outweighs its stiffness.
-    #[error("bandwidth {bandwidth_hz} Hz lies above a third of the model's resonance; lower it")]
+    /// A bandwidth above a third of the model's resonance, the frequency from which inertia outweighs its stiffness, or one with which the
+    /// correction has too much gain there.
+    #[error("with a bandwidth of {bandwidth_hz} Hz the observer would ring at the model's resonance; lower it")]
     NearResonance {
         /// The bandwidth, Hz.
         bandwidth_hz: f64,

@@ -34,12 +34,20 @@ impl<T: Scalar> Beside<T> {
         self.measure.knots().chain(self.spring.knots())
     }
 
-    /// The film where spring and memory are softest, as slow changes see it. Not inlined: its curves would stay on a caller's stack.
+    /// The film where it is softest, as slow changes see it: at a knot of either curve, or where one of them turns. Not inlined: its curves would stay on a
+    /// caller's stack.
     #[inline(never)]
     pub(super) fn softest(&self) -> Tangent {
-        let memory = self.measure.curve().map_or(1.0, |measure| measure.min_slope().1);
-        let spring = self.spring.spring().map_or(0.0, |spring| spring.min_slope().1);
-        Tangent { memory: memory * memory, spring, ..Tangent::REST }
+        let turns = [
+            self.measure.curve().map_or(0.0, |measure| measure.min_slope().0),
+            self.spring.spring().map_or(0.0, |spring| spring.min_slope().0),
+        ];
+        let stiffness = |tangent: &Tangent| {
+            self.memory_share.to_f64() * tangent.memory + self.spring_share.to_f64() * tangent.spring
+        };
+        let knots = self.knots().map(|knot| knot.displacement);
+        let tangents = knots.chain(turns.map(T::from_f64)).map(|displacement| self.tangent_at(displacement));
+        tangents.min_by(|one, other| stiffness(one).total_cmp(&stiffness(other))).unwrap_or(Tangent::REST)
     }
 
     /// The film at `displacement` (m), without the force that its memory still has there.

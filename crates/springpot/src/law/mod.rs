@@ -19,6 +19,7 @@ pub use bound::CompressionBound;
 pub use coefficients::Coefficients;
 pub use compressed::{Compressed, LawOptions};
 pub(crate) use compressed::{DECAY, Decay};
+pub(crate) use response::Tangent;
 pub use window::Window;
 
 use crate::actuator::Load;

@@ -86,6 +86,15 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         self.stiffness_of(Complex::new(1.0, 0.0) - difference, difference, tangent)
     }
 
+    /// Force over displacement in steady state, in N/m, as this law steps it where it has this `tangent`, at the frequency of which half an angle of a tick
+    /// has the tangent `tan`. Needs the four basic operations alone.
+    #[must_use]
+    #[inline(never)]
+    pub(crate) fn stepped_stiffness(&self, tan: f64, tangent: Tangent) -> Complex<f64> {
+        let turn = Complex::new(1.0, tan);
+        self.stiffness_of(turn.conj() / turn, Complex::new(0.0, 2.0 * tan) / turn, tangent)
+    }
+
     /// Force over displacement of slow changes about x = 0, at 1 Hz without the inertia's share, N/m.
     #[must_use]
     pub(crate) fn stiffness_at_rest(&self) -> f64 {

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{
-    Actuator, Applied, CommandLimits, ControlError, Law, LawOptions, LawState, Load, Maxwell, Observer,
+    Actuator, Applied, CommandLimits, ControlError, Discretisation, Law, LawOptions, LawState, Load, Maxwell, Observer,
     ObserverOptions, ObserverState, SensorSample, Springpot, Topology, Tracking, VoltageDrive,
 };
 
@@ -303,11 +303,11 @@ fn an_accepted_tracking_stays_finite() {
     assert!(accepted > 20);
 }
 
-/// A bandwidth above a third of the resonance is refused. The resonance is read from the continuous model: where the force is no
+/// A bandwidth above a third of the resonance is refused, of a film with enough damping not to ring below it. The resonance is read from the continuous model: where the force is no
 /// longer in phase with the displacement.
 #[test]
 fn refuses_a_bandwidth_near_the_resonance() {
-    let heavy = Maxwell::new(Springpot::new(4e4, 0.1), &[], Topology::Eq11, 118.0).expect("valid");
+    let heavy = Maxwell::new(Springpot::new(4e4, 0.25), &[], Topology::Eq11, 214.0).expect("valid");
     let inertia_outweighs = |frequency_hz: f64| heavy.frequency_response(frequency_hz).re < 0.0;
     let resonance_hz = (1..1000).map(|k| f64::from(k) / 100.0).find(|&hz| inertia_outweighs(hz)).expect("below 10 Hz");
     assert!((2.5..3.5).contains(&resonance_hz), "{resonance_hz} Hz");
@@ -321,6 +321,49 @@ fn refuses_a_bandwidth_near_the_resonance() {
     for bandwidth_hz in [1.03 * resonance_hz / 3.0, 0.9 * resonance_hz, 5.0] {
         assert_eq!(observer_at(bandwidth_hz), Err(ControlError::NearResonance { bandwidth_hz }));
     }
+}
+
+/// An observer that is accepted comes to rest with a film that rests, however little damping its model has. Without its own correction the model does,
+/// whatever its resonance.
+#[test]
+fn an_observer_does_not_ring_at_its_models_resonance() {
+    let mut random = Pcg64::seed_from_u64(11);
+    let (mut accepted, mut refused) = (0, 0);
+    for case in 0..300 {
+        let element = |c: f64, alpha: f64| Springpot::new(c, alpha);
+        let (c, alpha) = (10f64.powf(random.random_range(1.5..4.5)), 10f64.powf(random.random_range(-2.5..-0.4)));
+        let dashpot = c * 10f64.powf(random.random_range(-1.0..2.0));
+        let branches = [[element(c * random.random_range(0.1..1.0), 0.0), element(dashpot, 1.0)]];
+        let film = |mass_kg: f64| {
+            let branches = if case % 3 == 0 { &branches[..] } else { &[] };
+            Maxwell::new(element(c, alpha), branches, Topology::Parallel, mass_kg).expect("valid")
+        };
+        let bandwidth_hz = random.random_range(0.2..1.0);
+        let resonance_hz = bandwidth_hz * random.random_range(3.0..20.0);
+        let film = film(film(0.0).frequency_response(resonance_hz).inv().re / (TAU * resonance_hz).powi(2));
+        let method = if case % 2 == 0 { Discretisation::Gl } else { Discretisation::Bdf2 };
+        let options = LawOptions { method, ..LawOptions::at_step(2e-3) };
+        let law: Law<f64> = Law::compressed(&film, options).expect("a law");
+        let options =
+            ObserverOptions { sample_interval_s: 1e-2, delay_s: 1e-2, ..ObserverOptions::at_bandwidth(bandwidth_hz) };
+        let Ok(observer) = Observer::<f64>::new(law, &Actuator::KARNER_2022, 6000.0, options) else {
+            refused += 1;
+            continue;
+        };
+        accepted += 1;
+        let mut state = observer.state(observer.law().state());
+        let mut largest = [0.0_f64; 2];
+        for k in 0..60_000 {
+            let volts = if k < 500 { 2000.0 } else { 0.0 };
+            let sample = (k % 5 == 0).then_some(SensorSample { displacement_m: 0.0, age_ticks: 5 });
+            let x: f64 = observer.observe(&mut state, Applied::as_commanded(volts), sample);
+            let part = &mut largest[usize::from(k > 50_000)];
+            *part = part.max(x.abs());
+        }
+        assert!(largest[1] < 0.05 * largest[0], "{case}: {largest:?} of {film:?} at {bandwidth_hz} Hz");
+    }
+    println!("{accepted} accepted, {refused} refused");
+    assert!(accepted > 50 && refused > 20);
 }
 
 /// A sensor that goes while the force scale is still on its way: there it stays.
