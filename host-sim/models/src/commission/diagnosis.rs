@@ -265,8 +265,9 @@ fn of_voltage(steps: &[Vec<&Row>], of: &[ramp::Step]) -> Vec<Finding> {
 
 /// A swing after the steps that is within or near the band.
 fn ringing(steps: &[Vec<&Row>], report: &ramp::Report, band_hz: f64) -> Option<Finding> {
-    let mut sums: Vec<(f64, f64)> = Vec::new();
-    let mut all_m = 0.0;
+    let mut sums = Vec::new();
+    // The square of all rises, and by how much the squares of noise fall with a swing, by chance.
+    let (mut all_m, mut by_noise) = (0.0, (0.0, 0.0));
     let frequencies: Vec<f64> = (3..60).map(|k| 0.1 * f64::from(k)).collect();
     let mut before_m = 0.0;
     for (rows, step) in steps.iter().zip(&report.steps) {
@@ -290,19 +291,21 @@ fn ringing(steps: &[Vec<&Row>], report: &ramp::Report, band_hz: f64) -> Option<F
         // Creep, and a swing that dies away within a second or two.
         let creep = |t: f64| vec![1.0, t, (-t / 0.15).exp(), (-t / 0.6).exp(), (-t / 2.0).exp()];
         let plain = left(&creep)?;
-        sums.resize(frequencies.len(), (0.0, 0.0));
+        sums.resize(frequencies.len(), 0.0);
         for (hz, sum) in frequencies.iter().zip(&mut sums) {
             let swings = |t: f64| {
                 let (angle, dies) = (std::f64::consts::TAU * hz * t, (-0.5 * hz * t).exp());
                 [creep(t), vec![dies * angle.cos(), dies * angle.sin()]].concat()
             };
-            sum.0 += plain - left(&swings)?;
-            sum.1 += plain;
+            *sum += plain - left(&swings)?;
         }
         all_m += rise_m * rise_m * after.len() as f64;
+        // The two columns of a swing take as much as two rows have.
+        let row = plain / after.len() as f64;
+        by_noise = (by_noise.0 + 2.0 * row, by_noise.1 + 4.0 * row * row);
     }
-    let (hz, (gained, _)) = frequencies.into_iter().zip(sums).max_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
-    let share = (gained / all_m).sqrt();
+    let (hz, gained) = frequencies.into_iter().zip(sums).max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let share = ((gained - by_noise.0 - 3.0 * by_noise.1.sqrt()).max(0.0) / all_m).sqrt();
     let measured = format!("after a step the reading swings at {hz:.1} Hz by {:.0} % of it", 100.0 * share);
     (share > SWING && hz < MARGIN * band_hz).then(|| Finding::new(Cause::Resonance, measured))
 }

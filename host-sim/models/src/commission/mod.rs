@@ -20,7 +20,7 @@ use indicatif::ProgressBar;
 use crate::error::{Error, Result};
 use crate::excitation::profile::{PartShape, Profile, ProfileOptions};
 use crate::files::output;
-use crate::files::parameters::Parameters;
+use crate::files::parameters::{Board, Parameters};
 use crate::files::recording::{Direction, Recording};
 use crate::fit;
 use crate::grid::Grid;
@@ -308,13 +308,22 @@ impl Course<'_> {
             let measured = format!("the sensor is {:.0} ms later than stated, by the fit", 1e3 * late_s);
             self.report.findings.push(Finding::new(Cause::Lag, measured));
         }
-        parameters.board = Some(board.clone());
-        if let Err(refused) = parameters.checked_blob(verification::RATE_HZ) {
-            self.report
-                .findings
-                .push(Finding::new(Cause::Limits, format!("a controller refuses the model: {refused}")));
-            return Ok(());
-        }
+        let stated_hz = board.control.bandwidth_hz;
+        let parameters = match with_accepted_bandwidth(parameters, board, self.plan.band_hz) {
+            Ok((parameters, bandwidth_hz)) => {
+                let is_slower = bandwidth_hz < stated_hz;
+                let lowered = format!(
+                    "the observer's bandwidth is lowered from {stated_hz} to {bandwidth_hz:.2} Hz: the model's resonance is near"
+                );
+                self.report.fit.iter_mut().for_each(|fit| fit.warnings.extend(is_slower.then(|| lowered.clone())));
+                parameters
+            }
+            Err(refused) => {
+                let measured = format!("a controller refuses the model: {refused}");
+                self.report.findings.push(Finding::new(Cause::Limits, measured));
+                return Ok(());
+            }
+        };
         let path = self.file(FILM);
         output::write_whole(&path, |file| file.write_all(parameters.to_toml().as_bytes()))
     }
@@ -353,24 +362,23 @@ impl Course<'_> {
             let Plan { band_hz, segments, seed, .. } = *self.plan;
             let segments = Segments::random(low * top_m, 0.8 * top_m, band_hz, segments, seed);
             let grid = Grid { rate_hz: verification::RATE_HZ, samples: segments.reference_m.len() };
-            let plan_after = |history: &[f64]| {
-                feedforward::plan_after(&parameters, history, &segments.reference_m, grid, &options, limits, &hidden)
-            };
-            let (from_rest, planned) = (plan_after(&[])?, plan_after(&history_v)?);
+            let reference_m = &segments.reference_m;
+            let planned =
+                feedforward::plan_after(&parameters, &history_v, reference_m, grid, &options, limits, &hidden)?;
             let tick = |time_s: f64| (time_s * verification::RATE_HZ) as usize;
             let within = tick(segments.times_s[0].start)..tick(segments.times_s[segments.times_s.len() - 1].end);
             let is_free = planned.limited[within].iter().all(|limited| limited.is_none());
-            found = Some((segments, grid, from_rest.voltage_v, planned.voltage_v));
+            found = Some((segments, grid, planned.voltage_v));
             if is_free {
                 break;
             }
         }
-        let Some((segments, grid, from_rest_v, planned_v)) = found else { return Ok(()) };
+        let Some((segments, grid, planned_v)) = found else { return Ok(()) };
         // The way back to 0 V is in no segment.
         let samples = (segments.times_s[segments.times_s.len() - 1].end * verification::RATE_HZ) as usize;
         let (within, grid) = (&segments.reference_m[..samples], Grid { samples, ..grid });
-        let from_rest_v = from_rest_v[..samples].to_vec();
-        let expected = recorded.expectation(&parameters, within, grid, segments.range_m, from_rest_v);
+        let all_v = [&history_v, &planned_v[..samples]].concat();
+        let expected = recorded.expectation(&parameters, within, grid, segments.range_m, all_v);
         let predicted_pct = expected.feedforward_error_pct;
 
         let mut from_s = None;
@@ -426,4 +434,17 @@ impl Course<'_> {
         self.run(Mode::Voltage, &mut |row| (row.time_s - *from_s.get_or_insert(row.time_s) < length_s).then_some(0.0))?;
         Ok(())
     }
+}
+
+/// `parameters` on `board`, and the bandwidth of the observer (Hz): as stated or, where a controller refuses the model with it, the fastest accepted one
+/// that is not below the band.
+fn with_accepted_bandwidth(parameters: Parameters, board: &Board, band_hz: f64) -> Result<(Parameters, f32)> {
+    let with_bandwidth = |bandwidth_hz: f32| {
+        let mut parameters = Parameters { board: Some(board.clone()), ..parameters.clone() };
+        parameters.board.iter_mut().for_each(|board| board.control.bandwidth_hz = bandwidth_hz);
+        parameters.checked_blob(verification::RATE_HZ).map(|_| (parameters, bandwidth_hz))
+    };
+    let stated_hz = board.control.bandwidth_hz;
+    let mut slower = (1..).map(|k| stated_hz * 0.8_f32.powi(k)).take_while(|hz| f64::from(*hz) >= band_hz);
+    with_bandwidth(stated_hz).or_else(|refused| slower.find_map(|hz| with_bandwidth(hz).ok()).ok_or(refused))
 }

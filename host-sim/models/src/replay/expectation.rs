@@ -178,7 +178,7 @@ impl Recorded {
     }
 
     /// The error to expect along `reference` (m, on `grid`), which goes over `range_m` after its rise, of feedforward with `parameters`, which
-    /// plays `voltage_v`.
+    /// plays `voltage_v`. A film that does not begin at rest has its voltages so far in front of these.
     #[must_use]
     pub fn expectation(
         &self,
@@ -244,16 +244,18 @@ impl Recorded {
         (growth, beyond)
     }
 
-    /// RMS difference (m) of the fits to parts from the film of `parameters`, which `voltage_v` takes along `reference` (m); none where one
-    /// of them does not follow.
+    /// RMS difference (m) of the fits to parts from the film of `parameters`, which the end of `voltage_v` takes along `reference` (m); none where
+    /// one of them does not follow.
     fn difference_m(&self, parameters: &Parameters, reference: &[f64], grid: Grid, voltage_v: Vec<f64>) -> Option<f64> {
+        let before = voltage_v.len() - reference.len();
+        let grid = Grid { samples: voltage_v.len(), ..grid };
         let input = Input::Voltage(Samples { time_s: grid.times_s(), value: voltage_v });
         let options = RunOptions { memory: MemoryChoice::Compressed, precision: Precision::F64, rate_hz: grid.rate_hz };
         let from = rise(grid, reference.len());
         let square = |refit: &Refit| {
             let film = refit.parameters(parameters)?;
             let moved = simulate::response(&film, &input, grid, &options, &ProgressBar::hidden()).ok()?;
-            let off = moved.displacement_m.iter().zip(reference).skip(from);
+            let off = moved.displacement_m.iter().skip(before).zip(reference).skip(from);
             Some(off.map(|(x, wanted)| (x - wanted).powi(2)).sum::<f64>() / (reference.len() - from) as f64)
         };
         let squares: Vec<f64> = self.refits.iter().map(square).collect::<Option<_>>()?;
