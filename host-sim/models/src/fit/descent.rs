@@ -336,20 +336,12 @@ impl Context<'_> {
             .ok_or_else(|| Error::Computation("the given start has no response to these recordings".into()))
     }
 
-    /// `found` with its branches in the order in which they are written and without a saturation that was fitted as none, and the
-    /// derivatives of what is left.
+    /// `found` with its branches in the order in which they are written.
     pub fn in_order(&self, found: Found) -> Found {
-        let saturates = found.candidate.actuator.saturation_v.is_some();
-        let mut variables = found.variables.clone();
-        variables.retain(|variable| saturates || *variable != Variable::Saturation);
-        let candidate = match found.in_order() {
-            Some(candidate) => candidate,
-            None if variables.len() < found.variables.len() => found.candidate.clone(),
-            None => return found,
-        };
+        let Some(candidate) = found.in_order() else { return found };
         // One more step gives the derivatives.
         let stopping = StoppingCriteria { iterations: 2, decrease: 1e-9 };
-        let again = self.descend_over(self.fine, &candidate, variables, stopping);
+        let again = self.descend_over(self.fine, &candidate, found.variables.clone(), stopping);
         match again {
             Some(mut again) => {
                 again.minimum.converged = found.minimum.converged;

@@ -87,7 +87,9 @@ impl Uncertainty {
             let known = no_intervals.is_none();
             Estimate::new(found, found.variables[i], known.then_some(ends), errors[i].filter(|_| known), at_bound[i])
         };
-        let estimates = ends.into_iter().enumerate().map(estimate).collect();
+        // A drive that was fitted as one without saturation has none to state.
+        let estimates = ends.into_iter().enumerate().map(estimate).filter(|estimate| estimate.value.is_finite());
+        let estimates = estimates.collect();
         let names = |set: &Vec<usize>| {
             set.iter().map(|&i| found.variables[i].to_string()).collect::<Vec<String>>().join(" with ")
         };
