@@ -182,28 +182,27 @@ fn is_damped<T: Real, M: Memory<T>>(law: &Law<T, M>, tangent: Tangent, options: 
     let stiffness = law.dynamic_stiffness(bandwidth_hz, tangent);
     #[allow(clippy::cast_possible_truncation)] // as many as an observer remembers
     let late = ((delay_s + 0.5 * sample_interval_s) / law.step_s()) as i32;
-    let loop_at = |tan: f64| {
+    let (mut detuning, mut before) = (-DETUNING, Complex::default());
+    for k in 0..2 * DETUNINGS {
+        let tan = low * (1.0 + detuning);
         let bandwidths = tan / tan_of(bandwidth_hz);
-        let correction = Complex::new(stiffness.im.max(0.0), -stiffness.re / bandwidths)
-            - 0.5 * stiffness.re / (bandwidths * bandwidths);
+        let correction = Complex::new(
+            stiffness.im.max(0.0) - 0.5 * stiffness.re / (bandwidths * bandwidths),
+            -stiffness.re / bandwidths,
+        );
         let tick = Complex::new(1.0, -tan) / Complex::new(1.0, tan);
-        tick.powi(late) * correction / Complex::new(1.0, 0.25 * bandwidths) / law.stepped_stiffness(tan, tangent)
-    };
-    let mut detuning = -DETUNING;
-    let mut before = loop_at(low * (1.0 + detuning));
-    for k in 1..2 * DETUNINGS {
+        let film = law.stepped_stiffness(tan, tangent) * Complex::new(1.0, 0.25 * bandwidths);
+        let now: Complex<f64> = tick.powi(late) * correction / film;
+        let real = before.re - before.im * (now.re - before.re) / (now.im - before.im);
+        if (now + 1.0).norm_sqr() < LOOP_DISTANCE * LOOP_DISTANCE || before.im * now.im < 0.0 && real < MIN_REAL_LOOP {
+            return false;
+        }
+        before = now;
         detuning = match k.cmp(&DETUNINGS) {
             Ordering::Less => detuning * DETUNING,
             Ordering::Equal => -detuning,
             Ordering::Greater => detuning / DETUNING,
         };
-        let now = loop_at(low * (1.0 + detuning));
-        let is_real = before.im * now.im < 0.0;
-        let real = before.re - before.im * (now.re - before.re) / (now.im - before.im);
-        if libm::hypot(1.0 + now.re, now.im) < LOOP_DISTANCE || is_real && real < MIN_REAL_LOOP {
-            return false;
-        }
-        before = now;
     }
     true
 }

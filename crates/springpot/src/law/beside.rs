@@ -34,23 +34,26 @@ impl<T: Scalar> Beside<T> {
         self.measure.knots().chain(self.spring.knots())
     }
 
-    /// The film where it is softest, as slow changes see it: at a knot of either curve, or where one of them turns. Not inlined: its curves would stay on a
-    /// caller's stack.
+    /// The film where it is softest, as slow changes see it: at a knot of either curve, or between two of them.
     #[inline(never)]
     pub(super) fn softest(&self) -> Tangent {
-        let turns = [
-            self.measure.curve().map_or(0.0, |measure| measure.min_slope().0),
-            self.spring.spring().map_or(0.0, |spring| spring.min_slope().0),
-        ];
-        let stiffness = |tangent: &Tangent| {
-            self.memory_share.to_f64() * tangent.memory + self.spring_share.to_f64() * tangent.spring
-        };
-        let knots = self.knots().map(|knot| knot.displacement);
-        let tangents = knots.chain(turns.map(T::from_f64)).map(|displacement| self.tangent_at(displacement));
-        tangents.min_by(|one, other| stiffness(one).total_cmp(&stiffness(other))).unwrap_or(Tangent::REST)
+        let [memory_share, spring_share] = [self.memory_share, self.spring_share].map(Scalar::to_f64);
+        let (mut softest, mut least, mut before) = (Tangent::REST, f64::INFINITY, T::ZERO);
+        for knot in self.knots() {
+            for displacement in [(before + knot.displacement) * T::from_f64(0.5), knot.displacement] {
+                let tangent = self.tangent_at(displacement);
+                let stiffness = memory_share * tangent.memory + spring_share * tangent.spring;
+                if stiffness < least {
+                    (softest, least) = (tangent, stiffness);
+                }
+            }
+            before = knot.displacement;
+        }
+        softest
     }
 
     /// The film at `displacement` (m), without the force that its memory still has there.
+    #[inline(never)]
     pub(super) fn tangent_at(&self, displacement: T) -> Tangent {
         let slope = self.measure.place(displacement, T::ZERO).slope.to_f64();
         let spring = self.spring.place(displacement, T::ZERO).slope.to_f64();

@@ -89,7 +89,6 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Force over displacement in steady state, in N/m, as this law steps it where it has this `tangent`, at the frequency of which half an angle of a tick
     /// has the tangent `tan`. Needs the four basic operations alone.
     #[must_use]
-    #[inline(never)]
     pub(crate) fn stepped_stiffness(&self, tan: f64, tangent: Tangent) -> Complex<f64> {
         let turn = Complex::new(1.0, tan);
         self.stiffness_of(turn.conj() / turn, Complex::new(0.0, 2.0 * tan) / turn, tangent)
@@ -103,6 +102,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     }
 
     /// Force over displacement for a delay of ζ in a step and 1 − ζ, N/m, where the film has this `tangent`.
+    #[inline(never)]
     fn stiffness_of(&self, delay: Complex<f64>, difference: Complex<f64>, tangent: Tangent) -> Complex<f64> {
         let Tangent { memory: slope, spring, in_series } = tangent;
         // F = [ζ B(ζ) + S (1 − ζ)] Δx and Δx = (1 − ζ) x.
