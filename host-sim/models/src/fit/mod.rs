@@ -320,7 +320,7 @@ impl Fit {
     ///
     /// # Errors
     ///
-    /// [`Error`] for a file that cannot be read again, or elements out of range.
+    /// [`Error`] for a file that cannot be read again, elements out of range, or a film that no controller can step.
     pub fn parameters(
         &self,
         settings: &Settings,
@@ -351,6 +351,12 @@ impl Fit {
             board: None,
             provenance: None,
         };
+        if parameters.spring.is_some() {
+            // As the file is read: over the whole of its curves, of which a recording may show a part.
+            parameters.film().compressed_law::<f64>(1000.0).map_err(|error| {
+                Error::Computation(format!("no controller can step the fitted film: {error}; fit with `curve` none"))
+            })?;
+        }
         let refit = |refit: &Candidate| {
             let curve = refit.bend.elastic().ok()?;
             let spring = refit.spring.as_ref().map(Elastic::spring).transpose().ok()?;
