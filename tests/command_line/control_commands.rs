@@ -120,6 +120,21 @@ fn observe_takes_a_slow_sensor() {
     names(&failed(bench.with(&stated(1.01 * hz))), &["--bandwidth"]);
 }
 
+/// The resonance of a model with little damping: the default bandwidth is as large as that allows, a stated one is refused.
+#[test]
+fn observe_takes_a_model_that_would_ring() {
+    let bench = bench();
+    bench.recordings("hossain");
+    let model = "[model]\ntopology = \"parallel\"\nmain = { c = 120.0, alpha = 0.005 }\nbranches = []\n";
+    bench.write("ringing.toml", format!("schema = 1\nname = \"ringing\"\n{SIZES}{model}"));
+    let report = bench.json("observe --params ringing.toml hossain-5s.csv --out out.csv");
+    let hz = number(&report["bandwidth_hz"]);
+    assert!((0.1..0.59).contains(&hz), "{report}");
+    let refused = bench.run("observe --params ringing.toml hossain-5s.csv --out out.csv --bandwidth 0.6");
+    let text = String::from_utf8_lossy(&refused.stderr);
+    assert!(refused.status.code() == Some(2) && text.contains("--bandwidth: with a bandwidth of 0.6 Hz"), "{text}");
+}
+
 #[test]
 fn closed_loop_prints_what_scripts_read() {
     let bench = bench();

@@ -89,6 +89,8 @@ pub fn options(bandwidth_hz: f64, adaptation_s: f64, measured: &Samples, grid: G
     Ok(control.observer_options())
 }
 
+/// The bandwidth below which none is tried, Hz.
+const MIN_BANDWIDTH_HZ: f64 = 0.05;
 /// Default bandwidth of an observer, Hz.
 pub const DEFAULT_BANDWIDTH_HZ: f64 = 0.6;
 
@@ -162,7 +164,17 @@ impl ObservedRecording {
         if tuning.bandwidth_hz.is_none() {
             options.bandwidth_hz = options.bandwidth_hz.min(options.max_bandwidth_hz());
         }
-        estimate(parameters, &self.voltage_v, &self.measured, self.grid, options, precision, progress)
+        loop {
+            match estimate(parameters, &self.voltage_v, &self.measured, self.grid, options, precision, progress) {
+                // As fast as the model's resonance allows.
+                Err(Error::Field { field: "bandwidth_hz", .. })
+                    if tuning.bandwidth_hz.is_none() && options.bandwidth_hz > MIN_BANDWIDTH_HZ =>
+                {
+                    options.bandwidth_hz *= 0.8;
+                }
+                run => return run,
+            }
+        }
     }
 }
 
