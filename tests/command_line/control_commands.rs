@@ -132,7 +132,7 @@ fn observe_takes_a_model_that_would_ring() {
     assert!((0.1..0.59).contains(&hz), "{report}");
     let refused = bench.run("observe --params ringing.toml hossain-5s.csv --out out.csv --bandwidth 0.6");
     let text = String::from_utf8_lossy(&refused.stderr);
-    assert!(refused.status.code() == Some(2) && text.contains("--bandwidth: with a bandwidth of 0.6 Hz"), "{text}");
+    assert!(refused.status.code() == Some(2) && text.contains("--bandwidth: with a bandwidth of 0.600 Hz"), "{text}");
 }
 
 #[test]

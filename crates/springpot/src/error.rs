@@ -338,7 +338,7 @@ pub enum ControlError {
     },
     /// A bandwidth above a third of the model's resonance, the frequency from which inertia outweighs its stiffness, or one with which the
     /// correction has too much gain there.
-    #[error("with a bandwidth of {} Hz the observer would ring at the model's resonance; lower it", *bandwidth_hz as f32)]
+    #[error("with a bandwidth of {bandwidth_hz:.3} Hz the observer would ring at the model's resonance; lower it")]
     NearResonance {
         /// The bandwidth, Hz.
         bandwidth_hz: f64,

@@ -207,7 +207,7 @@ fn a_random_fit_states_its_agreement_or_is_refused() {
     let cases = if full_sweep() { 10_000 } else { 12 };
     let mut fits = 0;
     let mut faults = Vec::new();
-    // Of 1610 nothing that changes is left in a thinned recording, the saturation of 2645 is none in the end, and the spring of 4834 falls too
+    // Of 1610 nothing that changes is left in a thinned recording, the saturation of 2645 ends at infinity, and the spring of 4834 falls too
     // steeply beyond the recorded strokes.
     for seed in (0..cases).chain([1610, 2645, 4834]) {
         if seed % 250 == 0 && seed > 0 {
