@@ -107,7 +107,8 @@ fn figures(numbers: &Numbers<'_>) -> Markup {
             "Creep: " (numbers.number("/creep/without_pct", Form::Fixed(1))) " % of the stroke under a constant voltage, "
             (numbers.number("/creep/with_pct", Form::Fixed(2))) " % of the range with the sensor. The fit: R² "
             (numbers.number("/fit/r2", Form::Fixed(6))) ", " (numbers.number("/fit/misfit_pct", Form::Fixed(2)))
-            " % of the stroke left. The film was driven and watched for " (numbers.number("/film_s", Form::Fixed(0))) " s."
+            " % of the stroke left; the observer has a bandwidth of " (numbers.number("/fit/bandwidth_hz", Form::Fixed(2)))
+            " Hz. The film was driven and watched for " (numbers.number("/film_s", Form::Fixed(0))) " s."
         }
     }
 }

@@ -20,7 +20,7 @@ use indicatif::ProgressBar;
 use crate::error::{Error, Result};
 use crate::excitation::profile::{PartShape, Profile, ProfileOptions};
 use crate::files::output;
-use crate::files::parameters::{Board, Parameters};
+use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit;
 use crate::grid::Grid;
@@ -296,34 +296,30 @@ impl Course<'_> {
         parameters.name = "commissioned".into();
         let recorded = Recorded::from_parameters(&parameters);
         let stroke_m = recorded.as_ref().map_or(f64::NAN, |recorded| recorded.stroke_m[1] - recorded.stroke_m[0]);
+        let board = &self.plan.board;
         self.report.fit = Some(FitRow {
             branches: fit.candidate.branches(),
             r2: fit.r2_mean,
             misfit_pct: recorded.map_or(f64::NAN, |recorded| 100.0 * recorded.misfit_m / stroke_m),
+            bandwidth_hz: board.control.bandwidth_hz,
             warnings: fit.warnings.iter().map(ToString::to_string).collect(),
         });
-        let board = &self.plan.board;
         let late_s = parameters.sensor_delay_s - f64::from(board.control.delay_s);
         if late_s > diagnosis::MAX_LAG_S {
             let measured = format!("the sensor is {:.0} ms later than stated, by the fit", 1e3 * late_s);
             self.report.findings.push(Finding::new(Cause::Lag, measured));
         }
-        let stated_hz = board.control.bandwidth_hz;
-        let parameters = match with_accepted_bandwidth(parameters, board, self.plan.band_hz) {
-            Ok((parameters, bandwidth_hz)) => {
-                let is_slower = bandwidth_hz < stated_hz;
-                let lowered = format!(
-                    "the observer's bandwidth is lowered from {stated_hz} to {bandwidth_hz:.2} Hz: the model's resonance is near"
-                );
-                self.report.fit.iter_mut().for_each(|fit| fit.warnings.extend(is_slower.then(|| lowered.clone())));
-                parameters
-            }
+        let parameters = match plan::with_accepted_bandwidth(parameters, board, self.plan.band_hz) {
+            Ok(parameters) => parameters,
             Err(refused) => {
                 let measured = format!("a controller refuses the model: {refused}");
                 self.report.findings.push(Finding::new(Cause::Limits, measured));
                 return Ok(());
             }
         };
+        if let (Some(fit), Some(board)) = (&mut self.report.fit, &parameters.board) {
+            fit.bandwidth_hz = board.control.bandwidth_hz;
+        }
         let path = self.file(FILM);
         output::write_whole(&path, |file| file.write_all(parameters.to_toml().as_bytes()))
     }
@@ -434,17 +430,4 @@ impl Course<'_> {
         self.run(Mode::Voltage, &mut |row| (row.time_s - *from_s.get_or_insert(row.time_s) < length_s).then_some(0.0))?;
         Ok(())
     }
-}
-
-/// `parameters` on `board`, and the bandwidth of the observer (Hz): as stated or, where a controller refuses the model with it, the fastest accepted one
-/// that is not below the band.
-fn with_accepted_bandwidth(parameters: Parameters, board: &Board, band_hz: f64) -> Result<(Parameters, f32)> {
-    let with_bandwidth = |bandwidth_hz: f32| {
-        let mut parameters = Parameters { board: Some(board.clone()), ..parameters.clone() };
-        parameters.board.iter_mut().for_each(|board| board.control.bandwidth_hz = bandwidth_hz);
-        parameters.checked_blob(verification::RATE_HZ).map(|_| (parameters, bandwidth_hz))
-    };
-    let stated_hz = board.control.bandwidth_hz;
-    let mut slower = (1..).map(|k| stated_hz * 0.8_f32.powi(k)).take_while(|hz| f64::from(*hz) >= band_hz);
-    with_bandwidth(stated_hz).or_else(|refused| slower.find_map(|hz| with_bandwidth(hz).ok()).ok_or(refused))
 }

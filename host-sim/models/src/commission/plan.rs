@@ -3,6 +3,7 @@
 use host_io::choice;
 use springpot::{Actuator, Maxwell, Springpot, Topology};
 
+use super::verification::RATE_HZ;
 use crate::error::Result;
 use crate::files::parameters::{Board, Parameters};
 use crate::fit::FitOptions;
@@ -102,4 +103,21 @@ pub fn provisional(plan: &Plan) -> Result<Parameters> {
     parameters.assumed_sizes = plan.assumed_sizes;
     parameters.board = Some(plan.board.clone());
     Ok(parameters)
+}
+
+/// `parameters` on `board`, with the bandwidth that is stated there or, where a controller refuses the model with it, the largest accepted one that is not
+/// below the band.
+///
+/// # Errors
+///
+/// [`Error`](crate::error::Error) where a controller refuses it with every bandwidth.
+pub fn with_accepted_bandwidth(parameters: Parameters, board: &Board, band_hz: f64) -> Result<Parameters> {
+    let with_bandwidth = |bandwidth_hz: f32| {
+        let mut parameters = Parameters { board: Some(board.clone()), ..parameters.clone() };
+        parameters.board.iter_mut().for_each(|board| board.control.bandwidth_hz = bandwidth_hz);
+        parameters.checked_blob(RATE_HZ).map(|_| parameters)
+    };
+    let stated_hz = board.control.bandwidth_hz;
+    let mut slower = (1..).map(|k| stated_hz * 0.8_f32.powi(k)).take_while(|hz| f64::from(*hz) >= band_hz);
+    with_bandwidth(stated_hz).or_else(|refused| slower.find_map(|hz| with_bandwidth(hz).ok()).ok_or(refused))
 }

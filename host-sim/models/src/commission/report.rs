@@ -81,6 +81,8 @@ pub struct FitRow {
     pub r2: f64,
     /// Part of the stroke that it leaves, without noise, %.
     pub misfit_pct: f64,
+    /// Bandwidth of the observer, Hz: as the board states it, or less where the model's resonance is near.
+    pub bandwidth_hz: f32,
     /// Its warnings.
     pub warnings: Vec<String>,
 }

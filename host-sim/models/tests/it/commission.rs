@@ -17,7 +17,7 @@ use host_models::simulation::film::{Film, Instruments, Plant as Which};
 use host_models::simulation::plant::{FullMemoryPlant, Mismatch, NonlinearPlant, Plant};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use springpot::Actuator;
+use springpot::{Actuator, Maxwell, Springpot, Topology};
 
 use crate::sweep::{full_sweep, sample};
 
@@ -141,6 +141,23 @@ fn sound_films_pass_and_their_bounds_hold() {
     );
     assert!(20 * passed >= 19 * seeds.len(), "{passed} of {}", seeds.len());
     assert!(held.is_empty() || within > 0.95, "{within}");
+}
+
+/// The observer is as fast as stated on a film that allows it, slower on one whose resonance has little damping, and never slower than the band.
+#[test]
+fn a_bandwidth_is_what_a_controller_accepts() {
+    let board = Board::bench(&Actuator::KARNER_2022);
+    let accepted = |c: f64, band_hz: f64| {
+        let mut film = Parameters::preset("table3-n2").expect("a preset");
+        film.model = Maxwell::new(Springpot::new(c, 0.005), &[], Topology::Parallel, 0.316).expect("valid");
+        let film = commission::plan::with_accepted_bandwidth(film, &board, band_hz);
+        film.map(|film| film.board.expect("a board").control.bandwidth_hz)
+    };
+    assert_eq!(accepted(1e5, 0.2).expect("accepted"), 0.6);
+    let hz = accepted(120.0, 0.2).expect("accepted");
+    assert!((0.2..0.5).contains(&hz), "{hz} Hz");
+    let refused = accepted(120.0, 0.59).expect_err("refused").to_string();
+    assert!(refused.contains("resonance"), "{refused}");
 }
 
 /// Faults, the causes that name them, and strengths; below 0 as a share of the sound film's stroke or voltage, or as its noise.
