@@ -161,7 +161,7 @@ const EXCITED: f64 = 0.02;
 /// Bounds of the force scale.
 const FORCE_SCALE_RANGE: [f64; 2] = [0.25, 4.0];
 
-/// Whether the loop C G of an observer with these options along `law`, where that has this `tangent`, keeps away from −1 at the law's resonance: it goes
+/// Whether the loop C G of an observer by itself, with these options along `law`, where that has this `tangent`, keeps away from −1 at the law's resonance: it goes
 /// through a circle there, whose size is C over what damps the film. Also without a resonance up to a quarter of the rate.
 #[inline(never)]
 fn is_damped<T: Real, M: Memory<T>>(law: &Law<T, M>, tangent: Tangent, options: &ObserverOptions) -> bool {
@@ -236,6 +236,23 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         max_voltage_v: f64,
         options: ObserverOptions,
     ) -> Result<Self, ControlError> {
+        let observer = Self::in_a_loop(law, actuator, max_voltage_v, options)?;
+        let law = observer.law();
+        let is_damped = |tangent| is_damped(law, tangent, &options);
+        if is_damped(law.tangent_at_rest()) && is_damped(law.softest()) {
+            Ok(observer)
+        } else {
+            Err(ControlError::NearResonance { bandwidth_hz: options.bandwidth_hz })
+        }
+    }
+
+    /// The same for a loop that cancels the disturbance by the voltage: the film is in it instead of the model, whose damping does not matter.
+    pub(crate) fn in_a_loop(
+        law: Law<T, M>,
+        actuator: &Actuator,
+        max_voltage_v: f64,
+        options: ObserverOptions,
+    ) -> Result<Self, ControlError> {
         let drive = VoltageDrive::new(actuator, max_voltage_v, law.min_stiffness())?;
         options.check()?;
         let ObserverOptions { bandwidth_hz, delay_s, lost_after_s, adaptation_s, .. } = options;
@@ -254,9 +271,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         } else {
             law.dynamic_stiffness(bandwidth_hz, softest).re
         };
-        let is_below = stiffness.re > 0.0 && stiffness.im.is_finite() && above.re > 0.0 && softest_stiffness > 0.0;
-        let is_damped = |tangent| is_damped(&law, tangent, &options);
-        if !(is_below && is_damped(law.tangent_at_rest()) && is_damped(softest)) {
+        if !(stiffness.re > 0.0 && stiffness.im.is_finite() && above.re > 0.0 && softest_stiffness > 0.0) {
             return Err(ControlError::NearResonance { bandwidth_hz });
         }
         let adapts = adaptation_s > 0.0;

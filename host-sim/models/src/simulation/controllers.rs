@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use host_io::choice;
 use springpot::{
     Actuator, Adapting, Applied, CommandLimits, Compensator, Feedforward, Follower, FollowerState, Learning,
-    LearningOptions, Limited, Observer, ObserverOptions, Preload, Real, SensorSample, Tracking,
+    LearningOptions, Limited, ObserverOptions, Preload, Real, SensorSample, Tracking,
 };
 
 use crate::error::Result;
@@ -126,9 +126,8 @@ fn build_in<T: Real + Send + 'static>(
             Box::new(Following { state: follower.state(rest), follower, correction: |_| None, warm: |_, _| () })
         }
         ControllerKind::Pi => {
-            let gains =
-                Observer::new(law, &actuator, limits.max_voltage_v, settings.observer).map_err(refused)?.gains();
-            Box::new(ProportionalIntegral::new(one_spring, gains, settings.rate_hz))
+            let tracking = Tracking::new(law, &actuator, limits, settings.observer).map_err(refused)?;
+            Box::new(ProportionalIntegral::new(one_spring, tracking.observer().gains(), settings.rate_hz))
         }
         ControllerKind::Feedforward => {
             let (rest, learning) = (law.state(), learning.transpose()?);
