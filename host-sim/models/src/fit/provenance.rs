@@ -1,0 +1,141 @@
+//! The parameters of a fit, with their provenance.
+
+use host_io::choice::Choice;
+use toml::{Table, Value};
+
+use super::bend::Elastic;
+use super::candidate::Candidate;
+use super::{Fit, Settings, Uncertainty, Warning};
+use crate::agreement::Agreement;
+use crate::error::{Error, Result, with_names};
+use crate::files::parameters::{Parameters, plausibility};
+use crate::files::recording::{Direction, Recording};
+use crate::replay::expectation::{Recorded, Refit};
+
+impl Fit {
+    /// The parameters of this fit to `recordings`, with their provenance.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for a file that cannot be read again, elements out of range, or a film that no controller can step.
+    pub fn parameters(
+        &self,
+        settings: &Settings,
+        direction: Direction,
+        recordings: &[&Recording],
+    ) -> Result<Parameters> {
+        let name =
+            |recording: &&Recording| recording.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let names: Vec<String> = recordings.iter().map(name).collect();
+        let mut parameters = Parameters {
+            curve: self.candidate.bend.elastic().map_err(springpot::LawError::from)?,
+            spring: self
+                .candidate
+                .spring
+                .as_ref()
+                .map(Elastic::spring)
+                .transpose()
+                .map_err(springpot::LawError::from)?,
+            temperature: self.candidate.temperature,
+            method: springpot::Discretisation::Gl,
+            name: format!("fit to {}", names.join(", ")),
+            actuator: self.candidate.actuator,
+            // A size that was freed may be one that no film has: then nothing is claimed of the field.
+            assumed_sizes: settings.assumed_sizes || plausibility::check(&self.candidate.actuator).is_err(),
+            model: self.candidate.model()?,
+            sensor_offset_m: self.candidate.offset_m,
+            sensor_delay_s: self.candidate.delay_s,
+            board: None,
+            provenance: None,
+        };
+        if parameters.spring.is_some() {
+            // As the file is read: over the whole of its curves, of which a recording may show a part.
+            parameters.film().compressed_law::<f64>(1000.0).map_err(|error| {
+                Error::Computation(format!("no controller can step the fitted film: {error}; fit with `curve` none"))
+            })?;
+        }
+        let refit = |refit: &Candidate| {
+            let curve = refit.bend.elastic().ok()?;
+            let spring = refit.spring.as_ref().map(Elastic::spring).transpose().ok()?;
+            let film = Parameters {
+                curve,
+                spring,
+                actuator: refit.actuator,
+                model: refit.model().ok()?,
+                temperature: refit.temperature,
+                ..parameters.clone()
+            };
+            Some(Refit::new(&film))
+        };
+        let refits = self.refits.iter().map(refit).collect::<Option<_>>().unwrap_or_default();
+        let recorded = Recorded { refits, ..self.recorded.clone() };
+        parameters.provenance = Some(self.provenance(settings, direction, recordings, &recorded)?);
+        Ok(parameters)
+    }
+
+    fn provenance(
+        &self,
+        settings: &Settings,
+        direction: Direction,
+        recordings: &[&Recording],
+        recorded: &Recorded,
+    ) -> Result<Table> {
+        let recordings =
+            recordings.iter().zip(&self.agreements).map(|(source, agreement)| recording(source, agreement));
+        // A file names the fields, from the command line as from Python.
+        let plain = |warning: &Warning| with_names(&warning.text, |field| Some(field.into()));
+        let warnings = self.warnings.iter().map(|warning| Value::from(plain(warning)));
+        let mut table = Table::new();
+        let mut put = |key: &str, value: Value| {
+            table.insert(key.into(), value);
+        };
+        put("tool", format!("springpot {} fit", env!("CARGO_PKG_VERSION")).into());
+        put("method", format!("{}, seed {}", settings.method.name(), settings.seed).into());
+        put("drive", direction.name().into());
+        put("loss", settings.loss.name().into());
+        put("evaluations", integer(self.evaluations));
+        put("r2_mean", self.r2_mean.into());
+        if self.interrupted {
+            put("interrupted", true.into());
+        }
+        put("recordings", recordings.collect::<Result<Vec<Value>>>()?.into());
+        // Of a force along a displacement no voltage follows.
+        if let Some((key, value)) = recorded.entry().filter(|_| direction == Direction::Force) {
+            put(key, value);
+        }
+        if let Some(uncertainty) = self.uncertainty.as_ref().filter(|uncertainty| uncertainty.no_intervals.is_none()) {
+            put("intervals_95_pct", intervals(uncertainty).into());
+        }
+        put("warnings", warnings.collect::<Vec<Value>>().into());
+        Ok(table)
+    }
+}
+
+/// A recording with the digest of its file, and the agreement with it.
+fn recording(source: &Recording, agreement: &Agreement) -> Result<Value> {
+    let mut table = Table::new();
+    table.insert("file".into(), source.path().display().to_string().into());
+    if let Some(digest) = source.sha256()? {
+        table.insert("sha256".into(), digest.into());
+    }
+    table.insert("r2".into(), agreement.r2.into());
+    table.insert("nrmse_pct".into(), agreement.nrmse_pct.into());
+    table.insert("samples".into(), integer(agreement.samples));
+    Ok(table.into())
+}
+
+/// The 95 % intervals; an end that the data do not set is infinite.
+fn intervals(uncertainty: &Uncertainty) -> Table {
+    uncertainty
+        .estimates
+        .iter()
+        .map(|estimate| {
+            let ends = [estimate.low.unwrap_or(f64::NEG_INFINITY), estimate.high.unwrap_or(f64::INFINITY)];
+            (estimate.name.clone(), Value::from(ends.map(Value::from).to_vec()))
+        })
+        .collect()
+}
+
+fn integer(count: usize) -> Value {
+    i64::try_from(count).unwrap_or(i64::MAX).into()
+}
