@@ -79,7 +79,8 @@ pub(super) struct Arguments {
     /// Seed of the sensors' noise.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Bandwidth of tracking (default: the parameters', else 0.6), or of pi (default: 0.8).
+    /// Bandwidth of tracking (default: the parameters', else 0.6), or of pi (default: 0.8); the default is lower where the model's resonance or the
+    /// sensor's delay allows no more.
     #[arg(long, value_name = "HZ", value_parser = quantity::hertz)]
     bandwidth: Option<f64>,
     /// Time constant with which the force scale adapts to a disturbance that swings with the load; 0: never (default: the
@@ -214,6 +215,9 @@ struct Report {
     /// Note on the electric field, if the film's sizes are assumed.
     #[serde(skip_serializing_if = "Option::is_none")]
     field_note: Option<String>,
+    /// Note on the observer's bandwidth, if it is lower than the default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bandwidth_note: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -259,7 +263,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         None => arguments.tracked(&bench, controller.as_mut(), &reference, grid),
     };
     let run = run.map_err(about)?;
+    let is_chosen = arguments.bandwidth.is_none() && arguments.controller.has_observer();
+    let bandwidth_note = || parameters.bandwidth_note(arguments.rate, settings.observer.bandwidth_hz);
     let report = Report {
+        bandwidth_note: if is_chosen { bandwidth_note() } else { None },
         controller: arguments.controller.name(),
         samples: grid.samples,
         harmonics: arguments.harmonics,
@@ -273,7 +280,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let figure = || Figure::new(format!("Closed loop: {name}"), tracking_figure::panels(&[(name, &run)], grid));
     let drawn = plot.stage(&report, figure)?;
     out.into_iter().chain(drawn).try_for_each(Staged::commit)?;
-    terminal::warnings(json, &report.field_note);
+    terminal::warnings(json, report.field_note.iter().chain(&report.bandwidth_note));
     terminal::report(json, &report, || text(&report))
 }
 

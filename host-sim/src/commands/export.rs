@@ -48,6 +48,9 @@ struct Report {
     /// Note on the electric field, if the film's sizes are assumed.
     #[serde(skip_serializing_if = "Option::is_none")]
     field_note: Option<String>,
+    /// Note on the observer's bandwidth, if it is lower than the default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bandwidth_note: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -69,8 +72,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         written: written.files.iter().map(|(path, _)| shown(path)).collect(),
         own_board: parameters.board.as_ref().is_some_and(|board| board.lacks().is_empty()),
         field_note: options::field_note(&parameters),
+        bandwidth_note: parameters.bandwidth_note(rate_hz, parameters.control(rate_hz)?.bandwidth_hz.into()),
     };
-    terminal::warnings(json, report.field_note.iter().chain(&report.platform_note));
+    let notes = [&report.field_note, &report.platform_note, &report.bandwidth_note];
+    terminal::warnings(json, notes.into_iter().flatten());
     terminal::note(report.compression.text());
     terminal::report(json, &report, || text(&report))
 }

@@ -1,12 +1,10 @@
 //! The observer: an estimate of the film from voltage and displacement samples.
 
 mod numbers;
+mod resonance;
 mod state;
 
-use core::cmp::Ordering;
 use core::f64::consts::TAU;
-
-use num_complex::Complex;
 
 use crate::actuator::Load;
 use crate::actuator::{Actuator, VoltageDrive};
@@ -15,7 +13,7 @@ use crate::control::observer_options::ObserverOptions;
 use crate::control::path::{clamp, is_finite};
 use crate::control::statistics::Statistics;
 use crate::error::ControlError;
-use crate::law::{Law, LawState, Memory, Tangent, state_traits};
+use crate::law::{Law, LawState, Memory, state_traits};
 use crate::scalar::{Real, Scalar};
 
 /// A sample of the displacement sensor.
@@ -144,68 +142,12 @@ const FORCES_N: core::ops::RangeInclusive<f64> = 1e-12..=1e12;
 const AVERAGING_RATE: f64 = 1.0 / 20.0;
 /// Samples over which the statistics average.
 const STATISTICS_SAMPLES: f64 = 200.0;
-/// Smallest resonance of the model in bandwidths. On the films of Hossain and Wang, with a resonance near 3 Hz, the loop begins to
-/// ring at 0.9 to 1 Hz and is unstable from 1.2 Hz.
-const RESONANCE_MARGIN: f64 = 3.0;
-/// Smallest distance of the loop C G from −1 near the model's resonance, and where it is real. On random laws with little damping the observer rings
-/// from −1 on.
-const LOOP_DISTANCE: f64 = 0.2;
-const MIN_REAL_LOOP: f64 = -0.7;
-/// Shares of the resonance by which frequencies near it differ from it: the powers of this.
-const DETUNING: f64 = 0.7;
-const DETUNINGS: usize = 24;
 /// Share of the correction above which the force scale adapts.
 const FULL_SHARE: f64 = 0.9;
 /// Smallest deviation of the load from its slow mean at which the force scale adapts, in largest forces.
 const EXCITED: f64 = 0.02;
 /// Bounds of the force scale.
 const FORCE_SCALE_RANGE: [f64; 2] = [0.25, 4.0];
-
-/// Whether the loop C G of an observer by itself, with these options along `law`, where that has this `tangent`, keeps away from −1 at the law's resonance: it goes
-/// through a circle there, whose size is C over what damps the film. Also without a resonance up to a quarter of the rate.
-#[inline(never)]
-fn is_damped<T: Real, M: Memory<T>>(law: &Law<T, M>, tangent: Tangent, options: &ObserverOptions) -> bool {
-    let ObserverOptions { bandwidth_hz, delay_s, sample_interval_s, .. } = *options;
-    // Frequencies as the tangent of half the angle of a tick.
-    let tan_of = |hz: f64| 0.5 * TAU * hz * law.step_s();
-    let (mut low, mut high) = (0.0, tan_of(RESONANCE_MARGIN * bandwidth_hz));
-    while law.stepped_stiffness(high, tangent).re > 0.0 {
-        if high > 1.0 {
-            return true;
-        }
-        (low, high) = (high, 2.0 * high);
-    }
-    for _ in 0..20 {
-        let middle = 0.5 * (low + high);
-        *(if law.stepped_stiffness(middle, tangent).re > 0.0 { &mut low } else { &mut high }) = middle;
-    }
-    let stiffness = law.dynamic_stiffness(bandwidth_hz, tangent);
-    #[allow(clippy::cast_possible_truncation)] // as many as an observer remembers
-    let late = ((delay_s + 0.5 * sample_interval_s) / law.step_s()) as i32;
-    let (mut detuning, mut before) = (-DETUNING, Complex::default());
-    for k in 0..2 * DETUNINGS {
-        let tan = low * (1.0 + detuning);
-        let bandwidths = tan / tan_of(bandwidth_hz);
-        let correction = Complex::new(
-            stiffness.im.max(0.0) - 0.5 * stiffness.re / (bandwidths * bandwidths),
-            -stiffness.re / bandwidths,
-        );
-        let tick = Complex::new(1.0, -tan) / Complex::new(1.0, tan);
-        let film = law.stepped_stiffness(tan, tangent) * Complex::new(1.0, 0.25 * bandwidths);
-        let now: Complex<f64> = tick.powi(late) * correction / film;
-        let real = before.re - before.im * (now.re - before.re) / (now.im - before.im);
-        if (now + 1.0).norm_sqr() < LOOP_DISTANCE * LOOP_DISTANCE || before.im * now.im < 0.0 && real < MIN_REAL_LOOP {
-            return false;
-        }
-        before = now;
-        detuning = match k.cmp(&DETUNINGS) {
-            Ordering::Less => detuning * DETUNING,
-            Ordering::Equal => -detuning,
-            Ordering::Greater => detuning / DETUNING,
-        };
-    }
-    true
-}
 
 impl<T: Real, M: Memory<T>> Observer<T, M> {
     /// An observer of `actuator` along `law`, up to `max_voltage_v` (V), that remembers 64 ticks.
@@ -236,23 +178,6 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         max_voltage_v: f64,
         options: ObserverOptions,
     ) -> Result<Self, ControlError> {
-        let observer = Self::in_a_loop(law, actuator, max_voltage_v, options)?;
-        let law = observer.law();
-        let is_damped = |tangent| is_damped(law, tangent, &options);
-        if is_damped(law.tangent_at_rest()) && is_damped(law.softest()) {
-            Ok(observer)
-        } else {
-            Err(ControlError::NearResonance { bandwidth_hz: options.bandwidth_hz })
-        }
-    }
-
-    /// The same for a loop that cancels the disturbance by the voltage: the film is in it instead of the model, whose damping does not matter.
-    pub(crate) fn in_a_loop(
-        law: Law<T, M>,
-        actuator: &Actuator,
-        max_voltage_v: f64,
-        options: ObserverOptions,
-    ) -> Result<Self, ControlError> {
         let drive = VoltageDrive::new(actuator, max_voltage_v, law.min_stiffness())?;
         options.check()?;
         let ObserverOptions { bandwidth_hz, delay_s, lost_after_s, adaptation_s, .. } = options;
@@ -263,17 +188,10 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
             return Err(ControlError::SensorTooLate { ticks: late, most: PAST.saturating_sub(1) });
         }
         let stiffness = law.dynamic_stiffness(bandwidth_hz, law.tangent_at_rest());
-        // At the resonance the inertia outweighs the stiffness, first where the film is softest.
-        let softest = law.softest();
-        let above = law.dynamic_stiffness(RESONANCE_MARGIN * bandwidth_hz, softest);
-        let softest_stiffness = if softest.spring == 0.0 && softest.in_series == 0.0 {
-            softest.memory * stiffness.re
-        } else {
-            law.dynamic_stiffness(bandwidth_hz, softest).re
-        };
-        if !(stiffness.re > 0.0 && stiffness.im.is_finite() && above.re > 0.0 && softest_stiffness > 0.0) {
+        if !options.is_below_resonance(&law) {
             return Err(ControlError::NearResonance { bandwidth_hz });
         }
+        let softest_stiffness = resonance::softest_stiffness(&law, bandwidth_hz);
         let adapts = adaptation_s > 0.0;
         let omega = TAU * bandwidth_hz;
         let share = |rate: f64| T::from_f64(share_per_step(rate, step_s));

@@ -90,7 +90,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         let memory = if law.is_curved() { law.memory_stiffness(options.bandwidth_hz) } else { stiffness };
         let largest_n = actuator.electrostatic_force(limits.max_voltage_v);
         let adaptation = Adaptation::new(&law, largest_n, [stiffness, memory], &options);
-        let observer = Observer::in_a_loop(law, actuator, limits.max_voltage_v, options)?;
+        let observer = Observer::with_past(law, actuator, limits.max_voltage_v, options)?;
         Ok(Self { observer, inverse, fade, adaptation })
     }
 

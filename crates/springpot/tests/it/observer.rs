@@ -6,8 +6,8 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{
-    Actuator, Applied, CommandLimits, ControlError, Discretisation, Law, LawOptions, LawState, Load, Maxwell, Observer,
-    ObserverOptions, ObserverState, SensorSample, Springpot, Topology, Tracking, VoltageDrive,
+    Actuator, Applied, CommandLimits, ControlError, Discretisation, Follower, Law, LawOptions, LawState, Load, Maxwell,
+    Observer, ObserverOptions, ObserverState, SensorSample, Springpot, Topology, Tracking, VoltageDrive,
 };
 
 type Estimate = ObserverState<f32>;
@@ -323,6 +323,24 @@ fn refuses_a_bandwidth_near_the_resonance() {
     }
 }
 
+/// A law at 500 Hz with little damping, and an observer whose bandwidth is a third to a twentieth of its resonance.
+fn resonant(random: &mut Pcg64, case: usize) -> (Law<f64>, ObserverOptions) {
+    let element = |c: f64, alpha: f64| Springpot::new(c, alpha);
+    let (c, alpha) = (10f64.powf(random.random_range(1.5..4.5)), 10f64.powf(random.random_range(-2.5..-0.4)));
+    let dashpot = c * 10f64.powf(random.random_range(-1.0..2.0));
+    let branches = [[element(c * random.random_range(0.1..1.0), 0.0), element(dashpot, 1.0)]];
+    let film = |mass_kg: f64| {
+        let branches = if case % 3 == 0 { &branches[..] } else { &[] };
+        Maxwell::new(element(c, alpha), branches, Topology::Parallel, mass_kg).expect("valid")
+    };
+    let bandwidth_hz = random.random_range(0.2..1.0);
+    let resonance_hz = bandwidth_hz * random.random_range(3.0..20.0);
+    let film = film(film(0.0).frequency_response(resonance_hz).inv().re / (TAU * resonance_hz).powi(2));
+    let method = if case % 2 == 0 { Discretisation::Gl } else { Discretisation::Bdf2 };
+    let law = Law::compressed(&film, LawOptions { method, ..LawOptions::at_step(2e-3) }).expect("a law");
+    (law, ObserverOptions { sample_interval_s: 1e-2, delay_s: 1e-2, ..ObserverOptions::at_bandwidth(bandwidth_hz) })
+}
+
 /// An observer that is accepted comes to rest with a film that rests, however little damping its model has. Without its own correction the model does,
 /// whatever its resonance.
 #[test]
@@ -330,22 +348,7 @@ fn an_observer_does_not_ring_at_its_models_resonance() {
     let mut random = Pcg64::seed_from_u64(11);
     let (mut accepted, mut refused) = (0, 0);
     for case in 0..300 {
-        let element = |c: f64, alpha: f64| Springpot::new(c, alpha);
-        let (c, alpha) = (10f64.powf(random.random_range(1.5..4.5)), 10f64.powf(random.random_range(-2.5..-0.4)));
-        let dashpot = c * 10f64.powf(random.random_range(-1.0..2.0));
-        let branches = [[element(c * random.random_range(0.1..1.0), 0.0), element(dashpot, 1.0)]];
-        let film = |mass_kg: f64| {
-            let branches = if case % 3 == 0 { &branches[..] } else { &[] };
-            Maxwell::new(element(c, alpha), branches, Topology::Parallel, mass_kg).expect("valid")
-        };
-        let bandwidth_hz = random.random_range(0.2..1.0);
-        let resonance_hz = bandwidth_hz * random.random_range(3.0..20.0);
-        let film = film(film(0.0).frequency_response(resonance_hz).inv().re / (TAU * resonance_hz).powi(2));
-        let method = if case % 2 == 0 { Discretisation::Gl } else { Discretisation::Bdf2 };
-        let options = LawOptions { method, ..LawOptions::at_step(2e-3) };
-        let law: Law<f64> = Law::compressed(&film, options).expect("a law");
-        let options =
-            ObserverOptions { sample_interval_s: 1e-2, delay_s: 1e-2, ..ObserverOptions::at_bandwidth(bandwidth_hz) };
+        let (law, options) = resonant(&mut random, case);
         let Ok(observer) = Observer::<f64>::new(law, &Actuator::KARNER_2022, 6000.0, options) else {
             refused += 1;
             continue;
@@ -360,10 +363,66 @@ fn an_observer_does_not_ring_at_its_models_resonance() {
             let part = &mut largest[usize::from(k > 50_000)];
             *part = part.max(x.abs());
         }
-        assert!(largest[1] < 0.05 * largest[0], "{case}: {largest:?} of {film:?} at {bandwidth_hz} Hz");
+        assert!(largest[1] < 0.05 * largest[0], "{case}: {largest:?} of {options:?}");
     }
     println!("{accepted} accepted, {refused} refused");
     assert!(accepted > 50 && refused > 20);
+}
+
+/// A film that is its law, apart from a force that is 5 % less, is followed, is observed while its voltage is at a limit, and while something else sets it: with the
+/// bandwidth that [`ObserverOptions::below_resonance`] gives, which is the largest of its steps that is accepted.
+#[test]
+fn tracking_does_not_ring_on_a_film_that_is_its_law() {
+    let mut random = Pcg64::seed_from_u64(12);
+    let (mut lowered, mut refused) = (0, 0);
+    for case in 0..150 {
+        let (law, wanted) = resonant(&mut random, case);
+        let options = wanted.below_resonance(&law);
+        let new = |options| Tracking::<f64>::new(law.clone(), &Actuator::KARNER_2022, CommandLimits::BENCH, options);
+        let Ok(tracking) = new(options) else {
+            assert_eq!(options, wanted, "{case}");
+            refused += 1;
+            continue;
+        };
+        if options != wanted {
+            lowered += 1;
+            let faster = ObserverOptions { bandwidth_hz: options.bandwidth_hz / 0.8, ..options };
+            assert!(matches!(new(faster), Err(ControlError::NearResonance { .. })), "{case}: {faster:?}");
+        }
+        let follower = Follower::new(tracking);
+        let (mut film, mut state, mut past) = (law.state(), follower.state(law.state()), [0.0; 5]);
+        let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, law.stiffness()).expect("valid");
+        let stroke_m = 0.3 * Actuator::KARNER_2022.electrostatic_force(6000.0) * law.frequency_response(0.01).re;
+        let mut voltage = 0.0;
+        for phase in ["followed", "at 0 V", "another's voltage"] {
+            let mut largest = [0.0_f64; 2];
+            for k in 0..20_000 {
+                let load = drive.load(voltage);
+                let force_n = 0.95 * load.force_n + 0.05 * drive.load(0.0).force_n;
+                let x: f64 = law.displacement_under(&mut film, Load { force_n, ..load });
+                past.rotate_right(1);
+                let sample = (k % 5 == 0).then_some(SensorSample { displacement_m: past[0], age_ticks: 5 });
+                past[0] = x;
+                let estimate = follower.observe(&mut state, Applied::as_commanded(voltage), sample);
+                let mut error = estimate - x;
+                match phase {
+                    "followed" => {
+                        let command = follower.command(&mut state, stroke_m);
+                        (voltage, error) = (command.voltage_v, x - command.reference_m);
+                    }
+                    "at 0 V" => voltage = follower.command(&mut state, -stroke_m).voltage_v,
+                    _ => {
+                        follower.standby(&mut state);
+                        voltage = 2500.0;
+                    }
+                }
+                largest[usize::from(k > 15_000)] = largest[usize::from(k > 15_000)].max(error.abs());
+            }
+            assert!(largest[1] < 0.02 * stroke_m, "{case}, {phase}: {largest:?} m, stroke {stroke_m} m, {options:?}");
+        }
+    }
+    println!("{lowered} lowered, {refused} refused");
+    assert!(lowered > 10 && refused < 15);
 }
 
 /// A sensor that goes while the force scale is still on its way: there it stays.

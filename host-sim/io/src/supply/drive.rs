@@ -68,7 +68,7 @@ pub fn controller(parameters: &Parameters, supply: &Supply, has_sensor: bool) ->
     let parameters = parameters.clone().with_method(Discretisation::Bdf2);
     let mut board = match &parameters.board {
         Some(board) => board.clone().at_rate(rate_hz),
-        None => parameters.bench(rate_hz),
+        None => parameters.board_or_bench(rate_hz),
     };
     let (limits, control) = (&mut board.limits, &mut board.control);
     limits.max_voltage_v = limits.max_voltage_v.min(supply.max_voltage_v as f32);

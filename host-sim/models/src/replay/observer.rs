@@ -89,8 +89,6 @@ pub fn options(bandwidth_hz: f64, adaptation_s: f64, measured: &Samples, grid: G
     Ok(control.observer_options())
 }
 
-/// The bandwidth below which none is tried, Hz.
-const MIN_BANDWIDTH_HZ: f64 = 0.05;
 /// Default bandwidth of an observer, Hz.
 pub const DEFAULT_BANDWIDTH_HZ: f64 = 0.6;
 
@@ -163,18 +161,9 @@ impl ObservedRecording {
             ObserverOptions { delay_s, ..options(wanted_hz, tuning.adaptation_s, &self.measured, self.grid)? };
         if tuning.bandwidth_hz.is_none() {
             options.bandwidth_hz = options.bandwidth_hz.min(options.max_bandwidth_hz());
+            options = options.below_resonance(&parameters.film().compressed_law::<f64>(self.grid.rate_hz)?);
         }
-        loop {
-            match estimate(parameters, &self.voltage_v, &self.measured, self.grid, options, precision, progress) {
-                // As fast as the model's resonance allows.
-                Err(Error::Field { field: "bandwidth_hz", .. })
-                    if tuning.bandwidth_hz.is_none() && options.bandwidth_hz > MIN_BANDWIDTH_HZ =>
-                {
-                    options.bandwidth_hz *= 0.8;
-                }
-                run => return run,
-            }
-        }
+        estimate(parameters, &self.voltage_v, &self.measured, self.grid, options, precision, progress)
     }
 }
 

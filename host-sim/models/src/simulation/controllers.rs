@@ -33,6 +33,13 @@ choice! {
     }
 }
 
+impl ControllerKind {
+    /// Whether an observer gives it its gains.
+    pub fn has_observer(self) -> bool {
+        matches!(self, Self::Pi | Self::Tracking | Self::Adaptive)
+    }
+}
+
 /// The output of a controller in a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ControllerOutput {

@@ -4,7 +4,7 @@ use dea_driver::Control;
 use springpot::{CommandLimits, HARMONICS};
 
 use crate::error::{Error, Result};
-use crate::files::parameters::{Parameters, as_written};
+use crate::files::parameters::{Parameters, as_written, below_resonance};
 use crate::quantity::{at_most, positive};
 use crate::simulation::controllers::{ControllerKind, ControllerSettings, PI_HZ};
 use host_io::choice::Choice;
@@ -45,7 +45,7 @@ impl ControllerTuning {
 
     /// The displacement sensor: samples per second, and the time until one arrives, s.
     pub fn sensor(&self, parameters: &Parameters) -> (f64, f64) {
-        let control = control_of(parameters);
+        let control = parameters.board_or_bench(self.rate_hz).control;
         let rate_hz = self.sensor_rate_hz.unwrap_or_else(|| 1.0 / as_written(control.sample_interval_s));
         (rate_hz, self.sensor_delay_s.unwrap_or_else(|| as_written(control.delay_s)))
     }
@@ -57,11 +57,11 @@ impl ControllerTuning {
         parameters: &Parameters,
         limits: CommandLimits,
     ) -> Result<ControllerSettings> {
-        let control = control_of(parameters);
-        let bandwidth_hz = self.bandwidth_hz.unwrap_or(match kind {
-            ControllerKind::Pi => PI_HZ,
-            _ => f64::from(control.bandwidth_hz),
-        });
+        let board = parameters.board_or_bench(self.rate_hz);
+        let control = board.control;
+        let default_hz = if kind == ControllerKind::Pi { PI_HZ } else { f64::from(control.bandwidth_hz) };
+        let is_stated = self.bandwidth_hz.is_some() || kind != ControllerKind::Pi && board.states_control();
+        let bandwidth_hz = self.bandwidth_hz.unwrap_or(default_hz);
         positive("bandwidth_hz", bandwidth_hz)?;
         let adaptation_s = self.adaptation_s.unwrap_or(f64::from(control.adaptation_s));
         at_most("adaptation_s", adaptation_s, 1e9)?;
@@ -74,7 +74,7 @@ impl ControllerTuning {
             _ => (5.0 * interval_s) as f32,
         };
         // In the controller's single precision, so that the law is the controller's to the bit.
-        let control = Control {
+        let mut control = Control {
             bandwidth_hz: bandwidth_hz as f32,
             sample_interval_s: interval_s as f32,
             delay_s: sensor_delay_s as f32,
@@ -84,6 +84,9 @@ impl ControllerTuning {
             period_s: self.period_s.unwrap_or_default() as f32,
             ..control
         };
+        if !is_stated && kind.has_observer() {
+            control = below_resonance(control, &parameters.film().compressed_law(self.rate_hz)?);
+        }
         let (observer, learning) = (control.observer_options(), control.learning_options());
         Ok(ControllerSettings { rate_hz: self.rate_hz, limits, observer, learning, peak_m: 0.0 })
     }
@@ -103,9 +106,4 @@ impl ControllerTuning {
         }
         Ok(harmonics as u8)
     }
-}
-
-/// The settings of control on the board of `parameters`, or on the paper's bench.
-fn control_of(parameters: &Parameters) -> Control {
-    parameters.board.as_ref().map_or(Control::BENCH, |board| board.control)
 }

@@ -149,14 +149,14 @@ fn a_bandwidth_is_what_a_controller_accepts() {
     let board = Board::bench(&Actuator::KARNER_2022);
     let accepted = |c: f64, band_hz: f64| {
         let mut film = Parameters::preset("table3-n2").expect("a preset");
-        film.model = Maxwell::new(Springpot::new(c, 0.005), &[], Topology::Parallel, 0.316).expect("valid");
+        film.model = Maxwell::new(Springpot::new(c, 0.25), &[], Topology::Parallel, 0.316).expect("valid");
         let film = commission::plan::with_accepted_bandwidth(film, &board, band_hz);
         film.map(|film| film.board.expect("a board").control.bandwidth_hz)
     };
     assert_eq!(accepted(1e5, 0.2).expect("accepted"), 0.6);
-    let hz = accepted(28.0, 0.2).expect("accepted");
+    let hz = accepted(16.0, 0.2).expect("accepted");
     assert!((0.2..0.5).contains(&hz), "{hz} Hz");
-    let refused = accepted(28.0, 0.59).expect_err("refused").to_string();
+    let refused = accepted(16.0, 0.59).expect_err("refused").to_string();
     assert!(refused.contains("resonance"), "{refused}");
 }
 

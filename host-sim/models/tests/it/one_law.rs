@@ -10,7 +10,7 @@ use host_models::simulation::controllers::{self, ControllerKind};
 use host_models::simulation::tuning::ControllerTuning;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use springpot::{Applied, Feedforward, Follower, SensorSample, Tracking};
+use springpot::{Actuator, Applied, Feedforward, Follower, Maxwell, SensorSample, Springpot, Topology, Tracking};
 
 /// A limit near `usual` with as many digits as a file states.
 fn near(rng: &mut Pcg64, usual: f64) -> f64 {
@@ -39,6 +39,29 @@ fn without_a_board_both_have_the_same_bench() {
     for rate_hz in [100.0, 200.0, 250.0, 500.0, 1000.0, 2000.0, 5000.0, 100.1, 333.3, 1000.0 / 3.0, 1234.567] {
         assert_eq!(on_the_host(&parameters, rate_hz, &[]), on_a_board(&parameters, rate_hz), "{rate_hz} Hz");
     }
+}
+
+/// A film with a resonance of little damping: both lower the bandwidth of the bench, by as much.
+#[test]
+fn without_a_board_both_have_a_bandwidth_that_suits_the_film() {
+    let film = Parameters::load("preset:table3-n2").expect("a preset");
+    let mut lowered = 0;
+    for (alpha, mass_kg) in [(0.005, 80.0), (0.01, 214.0), (0.02, 160.0), (0.25, 1.0)] {
+        let model = Maxwell::new(Springpot::new(4e4, alpha), &[], Topology::Eq11, mass_kg).expect("valid");
+        let film = Parameters { model, actuator: Actuator { mass_kg, ..film.actuator }, ..film.clone() };
+        for rate_hz in [200.0, 1000.0] {
+            let law = on_the_host(&film, rate_hz, &[]);
+            assert_eq!(law, on_a_board(&film, rate_hz), "order {alpha}, {mass_kg} kg, {rate_hz} Hz");
+            let control = film.control(rate_hz).expect("a law");
+            let note = film.bandwidth_note(rate_hz, control.bandwidth_hz.into());
+            assert_eq!(note.is_some(), control.bandwidth_hz < 0.6);
+            lowered += usize::from(note.is_some());
+            // A bandwidth that is stated stays, or is refused.
+            let stated = Parameters { board: Some(film.bench(rate_hz)), ..film.clone() };
+            assert_eq!(stated.checked_blob(rate_hz).is_err(), control.bandwidth_hz < 0.6);
+        }
+    }
+    assert!((2..8).contains(&lowered), "{lowered}");
 }
 
 #[test]

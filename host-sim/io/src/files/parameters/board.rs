@@ -152,6 +152,11 @@ impl Board {
         self.missing.iter().copied().filter(|key| *key != CONTROL).collect()
     }
 
+    /// Whether its settings of control are stated; otherwise they are those of the paper's bench, with a bandwidth that suits the film.
+    pub fn states_control(&self) -> bool {
+        !self.missing.contains(&CONTROL)
+    }
+
     /// A bench like the paper's around `actuator`: 6 kV from an amplifier and a monitor of 1000:1 on 0…10 V, a sensor of
     /// 1 mm/V, and limits on the safe side of them.
     pub fn bench(actuator: &Actuator) -> Self {
@@ -188,6 +193,11 @@ impl Board {
     /// Its limits for the laws of control, as the controller converts them.
     pub fn command_limits(&self) -> CommandLimits {
         self.control.command_limits(&self.limits, self.amplifier_lag)
+    }
+
+    /// Its settings of control along `law`: those that are stated, or [below its resonance](below_resonance).
+    fn control_along(&self, law: &Law<f32>) -> Control {
+        if self.states_control() { self.control } else { below_resonance(self.control, law) }
     }
 
     /// The table as TOML, numbers as short as they were written, without what is [`missing`](Self::missing).
@@ -259,6 +269,27 @@ impl Parameters {
         board
     }
 
+    /// The settings of control of a controller that ticks at `rate_hz`, on [`board_or_bench`](Self::board_or_bench).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Law`] for a model that has no law at this rate.
+    pub fn control(&self, rate_hz: f64) -> Result<Control> {
+        let board = self.board_or_bench(rate_hz);
+        Ok(board.control_along(&self.film().compressed_law(rate_hz)?))
+    }
+
+    /// Statement about the observer's bandwidth, if `used_hz` is less than that of [`board_or_bench`](Self::board_or_bench).
+    pub fn bandwidth_note(&self, rate_hz: f64, used_hz: f64) -> Option<std::string::String> {
+        let control = self.board_or_bench(rate_hz).control;
+        (used_hz < f64::from(control.bandwidth_hz)).then(|| {
+            format!(
+                "the observer has a bandwidth of {used_hz:.2} Hz instead of {:.2}, as much as the model's resonance and the sensor's delay allow",
+                control.bandwidth_hz
+            )
+        })
+    }
+
     /// The blob of these parameters for a controller that ticks at `rate_hz`, on [`board_or_bench`](Self::board_or_bench),
     /// decoded once as the controller will: what it would refuse is refused here.
     pub fn checked_blob(&self, rate_hz: f64) -> Result<(Vec<u8>, Board)> {
@@ -276,8 +307,9 @@ impl Parameters {
     pub fn blob_to_drive(&self, rate_hz: f64, bench: bool) -> Result<Vec<u8>> {
         let lacks = self.board.as_ref().map(Board::lacks);
         match lacks {
-            Some(lacks) if bench || lacks.is_empty() => self.to_blob(&self.board_or_bench(rate_hz), rate_hz),
-            None if bench => self.to_blob(&self.bench(rate_hz), rate_hz),
+            lacks if bench || lacks.as_ref().is_some_and(Vec::is_empty) => {
+                self.to_blob(&self.board_or_bench(rate_hz), rate_hz)
+            }
             lacks => {
                 let what = lacks.map_or("no [board] table".to_owned(), |keys| {
                     format!("the [board] table has no {}", keys.join(", "))
@@ -308,7 +340,7 @@ impl Parameters {
             monitor: board.monitor.clone(),
             sensor: board.sensor.clone(),
             limits: board.limits,
-            control: board.control,
+            control: board.control_along(&law),
             self_test_above_v: board.self_test_above_v,
             self_sensing,
             ..BoardParameters::bench(&law, self.actuator)
@@ -318,6 +350,11 @@ impl Parameters {
         bytes.truncate(length);
         Ok(bytes)
     }
+}
+
+/// `control` with a bandwidth that its sensor and the resonance of `law` [allow](springpot::ObserverOptions::below_resonance).
+pub fn below_resonance(control: Control, law: &Law<f32>) -> Control {
+    Control { bandwidth_hz: control.observer_options().below_resonance(law).bandwidth_hz as f32, ..control }
 }
 
 /// A controller's refusal of parameters at `rate_hz`.

@@ -19,7 +19,7 @@ use springpot::{Actuator, Discretisation, Maxwell, Preset, Spring, TemperatureDe
 use toml::Spanned;
 
 use crate::error::{Error, Result, short};
-pub use board::{Board, SelfSensing, as_written};
+pub use board::{Board, SelfSensing, as_written, below_resonance};
 pub use curve::{ElasticCurve, Shape};
 pub use film::{Film, controller_rate};
 use format::{ActuatorFileTable, ActuatorTable, BoardFileTable, FileTable, SCHEMAS};
