@@ -116,7 +116,7 @@ fn an_fmu_is_whole_and_the_same_every_time() {
             let line = format!("    FMU_{} = {},", variable["name"].to_uppercase(), variable["valueReference"]);
             assert!(header.contains(&line), "{line}");
         }
-        assert_eq!(variables.len(), if version == "3.0" { 19 } else { 18 });
+        assert_eq!(variables.len(), if version == "3.0" { 23 } else { 22 });
     }
 }
 
@@ -178,10 +178,17 @@ fn without_a_temporary_folder_nothing_is_written() {
     assert!(bench.files().is_empty());
 }
 
-/// A tick's inputs: voltage, reference, sample, whether there is one, its age, reading, whether there is one.
-type Input = [f64; 7];
-/// The outputs: displacement, force, command, shaped reference, disturbance, force scale, limits, whether the sensor is lost.
-type Row = [f64; 8];
+/// A tick's inputs: voltage, reference, sample, whether there is one, its age, reading, whether there is one, temperature.
+type Input = [f64; 8];
+/// The outputs: displacement, force, command, shaped reference, disturbance, force scale, ageing, change of the stiffness, limits, whether the sensor is
+/// lost.
+type Row = [f64; 10];
+
+/// The rich film, fitted at several temperatures: in numbers that single precision has.
+fn warming() -> String {
+    let temperature = "[temperature]\nreference_c = 22.5\nstiffness_per_k = -0.0078125\nactivation_kj_per_mol = 32.0\n";
+    rich().replace("schema = 2", "schema = 5") + temperature
+}
 
 /// FMPy in an environment of its own.
 struct Importer(PathBuf);
@@ -207,7 +214,7 @@ impl Importer {
         self.call(&[&["run", text(fmu), mode, text(&given), text(&written)], parameters].concat());
         let bytes = fs::read(&written).expect("rows");
         let values: Vec<f64> = bytes.as_chunks::<8>().0.iter().map(|chunk| f64::from_le_bytes(*chunk)).collect();
-        let (rows, rest) = values.as_chunks::<8>();
+        let (rows, rest) = values.as_chunks::<10>();
         assert!(rest.is_empty() && rows.len() == inputs.len());
         rows.to_vec()
     }
@@ -237,7 +244,7 @@ fn a_plant_has_the_bits_of_simulate() {
         for recording in recordings("hossain") {
             let response = simulated(&bench, &recording);
             assert!(response.len() > 155_000);
-            let inputs: Vec<Input> = response.iter().map(|row| [row[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).collect();
+            let inputs: Vec<Input> = response.iter().map(|row| [row[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).collect();
             let rows = importer.run(&fmu, "plant", &[], &inputs);
             for (k, (row, [_, _, force, displacement])) in rows.iter().zip(&response).enumerate() {
                 assert_eq!(
@@ -261,7 +268,8 @@ fn along(response: &[[f64; 4]]) -> Vec<Input> {
             let sample = 0.97 * wanted(k.saturating_sub(10)) + 4e-6 * (k as f64).sin();
             let reference = if k > steps * 3 / 4 { 1.5 * wanted(k) } else { wanted(k) };
             let reading = if k % 11 == 5 { 0.0 } else { 1.01 * response[k][1] };
-            [response[k][1], reference, sample, f64::from(taken), 10.0, reading, f64::from(k % 11 != 5)]
+            let celsius = 25.0 + 5.0 * (k as f64 * 1e-4).sin();
+            [response[k][1], reference, sample, f64::from(taken), 10.0, reading, f64::from(k % 11 != 5), celsius]
         })
         .collect()
 }
@@ -275,24 +283,29 @@ fn taken(input: &Input, is_given: bool, command: f32) -> (Applied<f32>, Option<S
     (if is_read { Applied::as_monitored(acted, input[5] as f32) } else { Applied::as_commanded(acted) }, sample)
 }
 
-/// Rows of a follower, and the largest that was added to a reference, m. `seen`: disturbance, force scale, whether the sensor is lost.
+/// Rows of a follower, and the largest that was added to a reference, m. `seen`: disturbance, force scale, ageing, change of the stiffness, whether the sensor
+/// is lost.
 fn followed<C: Compensator<f32>>(
     follower: &Follower<f32, C>,
     film: FollowerState<f32, C>,
-    seen: impl Fn(&FollowerState<f32, C>) -> [f32; 3],
+    seen: impl Fn(&FollowerState<f32, C>) -> [f32; 5],
+    warm: impl Fn(&mut FollowerState<f32, C>, f64),
     is_given: bool,
     inputs: &[Input],
 ) -> (Vec<Row>, f32) {
     let (mut state, mut voltage, mut added) = (film, 0.0_f32, 0.0_f32);
     let rows = inputs.iter().map(|input| {
         let (applied, sample) = taken(input, is_given, voltage);
+        warm(&mut state, input[7]);
         let command = follower.step(&mut state, applied, sample, input[1] as f32);
         voltage = command.voltage_v;
         added = added.max(state.added().abs());
-        let [disturbance, scale, lost] = seen(&state);
+        let [disturbance, scale, ageing, change, lost] = seen(&state);
         let limits = f32::from(command.limited.bits());
-        [state.displacement(), command.force_n, voltage, command.reference_m, disturbance, scale, limits, lost]
-            .map(f64::from)
+        let followed = [state.displacement(), command.force_n, voltage, command.reference_m];
+        let [[x, force, volts, reference], [disturbance, scale, ageing, change]] =
+            [followed, [disturbance, scale, ageing, change]].map(|numbers| numbers.map(f64::from));
+        [x, force, volts, reference, disturbance, scale, ageing, change, limits.into(), lost.into()]
     });
     (rows.collect(), added)
 }
@@ -315,7 +328,7 @@ fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool,
                 let force = load.force_n + load.slope_n_per_m * displacement;
                 let beyond = if state.film().beyond_curve() { 64.0 } else { 0.0 };
                 let (disturbance, scale) = (state.disturbance(), state.force_scale());
-                [displacement, force, 0.0, 0.0, disturbance, scale, beyond, is_lost(&state)].map(f64::from)
+                [displacement, force, 0.0, 0.0, disturbance, scale, 0.0, 0.0, beyond, is_lost(&state)].map(f64::from)
             });
             (rows.collect(), 0.0)
         }
@@ -327,16 +340,25 @@ fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool,
                 Some(learning) => follower.with_learning(*learning),
                 None => follower,
             };
-            followed(&follower, follower.state(law.state()), |_| [0.0, 1.0, 0.0], is_given, inputs)
+            followed(&follower, follower.state(law.state()), |_| [0.0, 1.0, 0.0, 0.0, 0.0], |_, _| (), is_given, inputs)
         }
         _ => {
             let seen = |state: &FollowerState<f32>| {
                 let observer = state.observer();
-                [observer.disturbance(), observer.force_scale(), is_lost(observer)]
+                let changes = state.compensator();
+                let [ageing, change] = [changes.ageing(), changes.stiffness_change()];
+                [observer.disturbance(), observer.force_scale(), ageing, change, is_lost(observer)]
             };
             let mut state = tracking.state(law.state());
             state.set_adapting(if mode == "adaptive" { Adapting::Learn } else { Adapting::Off });
-            followed(tracking, state, seen, is_given, inputs)
+            let warm = |state: &mut FollowerState<f32>, celsius: f64| {
+                if mode == "adaptive" {
+                    let celsius = f64::from(celsius as f32);
+                    let [stiffness, time] = parameters.temperature_factors(celsius).expect("within reach");
+                    state.set_temperature_factors(stiffness as f32, time as f32).expect("within reach");
+                }
+            };
+            followed(tracking, state, seen, warm, is_given, inputs)
         }
     }
 }
@@ -346,7 +368,7 @@ fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool,
 #[ignore = "needs FMPy: cargo xtask faces fmu"]
 fn controllers_have_the_bits_of_rust() {
     let (bench, importer) = (Bench::new(TOOL), Importer::there());
-    bench.write("rich.toml", rich());
+    bench.write("rich.toml", warming());
     let parameters = Parameters::load(text(&bench.path("rich.toml"))).expect("valid");
     let (bytes, board) = parameters.checked_blob(1000.0).expect("valid");
     let blob = Blob::decode(&bytes, board.id).expect("its own");
@@ -376,6 +398,7 @@ fn controllers_have_the_bits_of_rust() {
                 learned = learned.max(added);
                 let given: &[&str] = match (mode, is_given) {
                     ("observer", _) => &[],
+                    ("adaptive", _) => &["learning", "temperature_is_given"],
                     (_, false) => &["learning"],
                     (_, true) => &["learning", "applied_is_given"],
                 };
@@ -386,7 +409,7 @@ fn controllers_have_the_bits_of_rust() {
                         expected.map(f64::to_bits),
                         "{emit}, {mode}, {given:?}, tick {k}: {row:?}, {expected:?}"
                     );
-                    limits |= row[6] as u32;
+                    limits |= row[8] as u32;
                 }
             }
         }
@@ -401,7 +424,7 @@ fn controllers_have_the_bits_of_rust() {
 #[ignore = "needs FMPy: cargo xtask faces fmu"]
 fn fmpy_accepts_fmus() {
     let bench = Bench::new(TOOL);
-    bench.write("rich.toml", rich());
+    bench.write("rich.toml", warming());
     for (emit, ..) in VERSIONS {
         let [paper, rich] = [("preset:table3-n2", "paper"), ("rich.toml", "rich")].map(|(params, name)| {
             bench.json(&format!("export --params {params} --emit {emit} --out {name}-{emit}.fmu"));

@@ -123,7 +123,7 @@
 #endif
 
 /* The version of the tables: a film must be of the same. */
-#define SPRINGPOT_FORMAT 4U
+#define SPRINGPOT_FORMAT 5U
 
 /* Sizes of a law's memory: exact increments, fast and slow decaying modes. */
 #define SPRINGPOT_HEAD 12U

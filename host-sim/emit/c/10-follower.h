@@ -189,6 +189,15 @@ static inline bool springpot_follower_set_temperature_factors(
     return (state->has_sensor != 0U) && springpot_tracking_set_temperature_factors(film, &state->of.tracking, stiffness, time);
 }
 
+/* The film is at `celsius` (degrees C) from now on: springpot_tracking_set_temperature_factors of springpot_temperature_factors. Returns false for
+ * feedforward, and where either does; then nothing changes. */
+static inline bool springpot_follower_set_temperature(const springpot_film *film, springpot_follower_state *state, float celsius)
+{
+    float factors[2];
+    return springpot_temperature_factors(film, celsius, factors)
+        && springpot_follower_set_temperature_factors(film, state, factors[0], factors[1]);
+}
+
 /* springpot_tracking_forget_changes. */
 static inline void springpot_follower_forget_changes(springpot_follower_state *state)
 {

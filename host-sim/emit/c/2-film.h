@@ -203,6 +203,13 @@ typedef struct {
     float turn;                   /* 2 pi */
 } springpot_learning;
 
+/* How the film changes with its temperature: springpot_temperature_factors. */
+typedef struct {
+    float reference;  /* at which it is its law, degrees C */
+    float stiffness;  /* change of the stiffness, 1/K */
+    float activation; /* energy of relaxation and creep, kJ/mol */
+} springpot_temperature;
+
 /* The film as its own sensor. J is the phasor of the current, V that of the voltage. */
 typedef struct {
     uint32_t ticks;                                     /* of a block */
@@ -239,17 +246,18 @@ typedef struct {
 
 /* The constants of a film at its rate. */
 typedef struct {
-    float step_s;                         /* duration of a tick, s: call a tick at this rate and no other */
+    float step_s;                             /* duration of a tick, s: call a tick at this rate and no other */
     springpot_drive drive;
     springpot_inverse inverse;
     springpot_observer observer;
     springpot_fade fade;
     springpot_adaptation adaptation;
-    const springpot_curve *curve;         /* NULL: force follows x itself */
-    const springpot_spring *spring;       /* NULL: no spring is beside the memory */
-    const springpot_series *series;       /* NULL: no spring is in series with the memory */
-    const springpot_amplifier *amplifier; /* NULL: it follows at once */
-    const springpot_learning *learning;   /* NULL: nothing is learned */
+    const springpot_curve *curve;             /* NULL: force follows x itself */
+    const springpot_spring *spring;           /* NULL: no spring is beside the memory */
+    const springpot_series *series;           /* NULL: no spring is in series with the memory */
+    const springpot_amplifier *amplifier;     /* NULL: it follows at once */
+    const springpot_learning *learning;       /* NULL: nothing is learned */
+    const springpot_temperature *temperature; /* NULL: it was not fitted at several */
     springpot_law law;
 } springpot_film;
 

@@ -385,6 +385,26 @@ static inline bool springpot_tracking_restore(
     return is_sound;
 }
 
+/* Factors of the film's stiffness and of its relaxation times at `celsius` (degrees C). Returns false for a film that was not fitted at several
+ * temperatures, and for a temperature out of reach of a running law, which follows 0.25 to 4 and a third to three times. */
+static inline bool springpot_temperature_factors(const springpot_film *film, float celsius, float factors[2])
+{
+    const springpot_temperature *temperature = film->temperature;
+    const double zero = 273.15;
+    const double gas = 8.314462618e-3;
+
+    if ((temperature == NULL) || !springpot_is_finite(celsius) || !((double)celsius > -zero)) {
+        return false;
+    }
+    {
+        const double from = (double)temperature->reference;
+        const double per_activation = ((1.0 / ((double)celsius + zero)) - (1.0 / (from + zero))) / gas;
+        factors[0] = (float)(1.0 + ((double)temperature->stiffness * ((double)celsius - from)));
+        factors[1] = (float)exp((double)temperature->activation * per_activation);
+    }
+    return (factors[0] >= 0.25F) && (factors[0] <= 4.0F) && (factors[1] >= (1.0F / 3.0F)) && (factors[1] <= 3.0F);
+}
+
 /* The film's temperature makes its stiffness and its relaxation times these factors of those of its law: they come into use with a time constant of a
  * second, with or without a sensor, beside what is learned. While nothing is learned this holds; SPRINGPOT_ADAPT_OFF forgets it. Returns false beyond
  * 0.25 to 4 and a third to three times; then nothing changes. */

@@ -70,6 +70,7 @@ static void fmu_start(fmu_state *state)
     state->phase = FMU_INSTANTIATED;
     state->wholes[FMU_MODE] = FMU_PLANT;
     state->reals[FMU_FORCE_SCALE] = 1.0;
+    state->reals[FMU_TEMPERATURE] = 20.0;
 }
 
 static fmu_result fmu_initialise(fmu_state *state, double start)
@@ -95,6 +96,11 @@ static fmu_result fmu_begin(fmu_state *state)
 
     if (state->phase != FMU_INITIALISING) {
         return fmu_error("initialisation has not begun");
+    }
+    if ((state->wholes[FMU_TEMPERATURE_IS_GIVEN] != 0U) && !springpot_tick_warms(&FMU_FILM, kinds[state->wholes[FMU_MODE]])) {
+        return fmu_error((FMU_FILM.temperature == NULL)
+                ? "temperature_is_given and this film was not fitted at several temperatures: export one with a [temperature]"
+                : "temperature_is_given is for the modes 4 (tracking; feedforward without samples) and 5 (adaptive)");
     }
     if ((state->wholes[FMU_LEARNING] != 0U) && (FMU_LEARNS == 0)) {
         return fmu_error("learning is on and this film has none: export it with harmonics under [board.control]");
@@ -204,6 +210,7 @@ static void fmu_tick(fmu_state *state, bool is_first)
     in.sample = (is_first && (state->wholes[FMU_SAMPLE_TAKEN] != 0U)) ? (float)state->reals[FMU_SAMPLE] : none;
     in.age_ticks = state->wholes[FMU_SAMPLE_AGE];
     in.applied = (state->wholes[FMU_APPLIED_IS_GIVEN] != 0U) ? (float)state->reals[FMU_VOLTAGE] : none;
+    in.celsius = (state->wholes[FMU_TEMPERATURE_IS_GIVEN] != 0U) ? (float)state->reals[FMU_TEMPERATURE] : none;
     in.reading = (state->wholes[FMU_READING_TAKEN] != 0U) ? (float)state->reals[FMU_READING] : none;
     out = springpot_tick(&FMU_FILM, &state->law, &in);
     if (is_controller) {
@@ -214,6 +221,8 @@ static void fmu_tick(fmu_state *state, bool is_first)
     state->reals[FMU_FORCE] = (double)out.force;
     state->reals[FMU_DISTURBANCE] = (double)out.disturbance;
     state->reals[FMU_FORCE_SCALE] = (double)out.force_scale;
+    state->reals[FMU_AGEING] = (double)out.ageing;
+    state->reals[FMU_STIFFNESS_CHANGE] = (double)out.stiffness;
     state->wholes[FMU_LIMITS] = out.limited;
     state->wholes[FMU_SENSOR_LOST] = out.is_lost ? 1U : 0U;
 }
@@ -243,6 +252,7 @@ static fmu_result fmu_step(fmu_state *state, double time_s, double step_s)
     const double ticks = fmu_ticks(step_s);
     const double gap = (state->ticks > 0.0) ? ((time_s - state->next) / FMU_STEP_S) : 0.0;
     const bool is_controller = state->wholes[FMU_MODE] >= FMU_FEEDFORWARD;
+    float factors[2];
     double tick;
 
     if (state->phase != FMU_STEPPING) {
@@ -258,6 +268,10 @@ static fmu_result fmu_step(fmu_state *state, double time_s, double step_s)
     }
     if (!((gap < 0.5) && (gap > -0.5))) {
         return fmu_error("a step must begin where the last one ended: nothing was done");
+    }
+    if ((state->wholes[FMU_TEMPERATURE_IS_GIVEN] != 0U)
+        && !springpot_temperature_factors(&FMU_FILM, (float)state->reals[FMU_TEMPERATURE], factors)) {
+        return fmu_error("the temperature is too far from that of the film's parameters for a law that runs: nothing was done");
     }
     for (tick = 0.0; tick < ticks; tick += 1.0) {
         fmu_tick(state, tick < 1.0);

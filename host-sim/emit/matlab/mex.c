@@ -20,15 +20,16 @@
  *   'film'          voltage_v
  *   'feedforward'   reference_m                        applied_v, reading_v
  *   'observer'      voltage_v                          sample_m, age_ticks
- *   'tracking'      reference_m                        sample_m, age_ticks, applied_v, reading_v
+ *   'tracking'      reference_m                        sample_m, age_ticks, applied_v, reading_v, temperature_c
  *   'adaptive'      the same: the law follows a film that changes
  *
  * A voltage above max_voltage_v acts as max_voltage_v, and `limited` has the bit 2.
  *
  * `in` is an array, or a structure whose first field is the one of the second column. The others are arrays of as many elements, or of
- * one for all ticks; NaN, or the field left out, is: no sample, no reading, and applied as it was commanded. age_ticks: how old a
+ * one for all ticks; NaN, or the field left out, is: no sample, no reading, applied as it was commanded, and the temperature as before.
+ * temperature_c, of a film that was fitted at several: what it is at from now on; without samples tracking is feedforward. age_ticks: how old a
  * sample is, 0 to 63, 0 if left out. `out` is a structure of columns, one row a tick: displacement_m, voltage_v, force_n, reference_m,
- * disturbance_n, force_scale and limited, NaN where a mode has none. `state` is a column of uint8; it belongs to film and mode.
+ * disturbance_n, force_scale, limited, ageing and stiffness_change (of what adaptive has learned), NaN where a mode has none. `state` is a column of uint8; it belongs to film and mode.
  *
  * It is not a safety system: see springpot.h.
  */
@@ -40,7 +41,7 @@
 
 SPRINGPOT_FILM(@SYMBOL@);
 
-#define FIELDS 5U /* of the input */
+#define FIELDS 6U /* of the input */
 
 /* A field of the input. */
 typedef struct {
@@ -54,17 +55,17 @@ typedef struct {
 typedef struct {
     const char *name;
     uint32_t kind;
-    const char *fields[FIELDS]; /* u, sample, age, applied, reading */
+    const char *fields[FIELDS]; /* u, sample, age, applied, reading, temperature */
 } mode;
 
 static const mode modes[SPRINGPOT_TICK_KINDS] = {
-    {"displacement", SPRINGPOT_TICK_DISPLACEMENT, {"force_n", NULL, NULL, NULL, NULL}},
-    {"force", SPRINGPOT_TICK_FORCE, {"displacement_m", NULL, NULL, NULL, NULL}},
-    {"film", SPRINGPOT_TICK_FILM, {"voltage_v", NULL, NULL, NULL, NULL}},
-    {"feedforward", SPRINGPOT_TICK_FEEDFORWARD, {"reference_m", NULL, NULL, "applied_v", "reading_v"}},
-    {"observer", SPRINGPOT_TICK_OBSERVER, {"voltage_v", "sample_m", "age_ticks", NULL, NULL}},
-    {"tracking", SPRINGPOT_TICK_TRACKING, {"reference_m", "sample_m", "age_ticks", "applied_v", "reading_v"}},
-    {"adaptive", SPRINGPOT_TICK_ADAPTIVE, {"reference_m", "sample_m", "age_ticks", "applied_v", "reading_v"}},
+    {"displacement", SPRINGPOT_TICK_DISPLACEMENT, {"force_n", NULL, NULL, NULL, NULL, NULL}},
+    {"force", SPRINGPOT_TICK_FORCE, {"displacement_m", NULL, NULL, NULL, NULL, NULL}},
+    {"film", SPRINGPOT_TICK_FILM, {"voltage_v", NULL, NULL, NULL, NULL, NULL}},
+    {"feedforward", SPRINGPOT_TICK_FEEDFORWARD, {"reference_m", NULL, NULL, "applied_v", "reading_v", NULL}},
+    {"observer", SPRINGPOT_TICK_OBSERVER, {"voltage_v", "sample_m", "age_ticks", NULL, NULL, NULL}},
+    {"tracking", SPRINGPOT_TICK_TRACKING, {"reference_m", "sample_m", "age_ticks", "applied_v", "reading_v", "temperature_c"}},
+    {"adaptive", SPRINGPOT_TICK_ADAPTIVE, {"reference_m", "sample_m", "age_ticks", "applied_v", "reading_v", "temperature_c"}},
 };
 
 /* A state as the caller keeps it: refused by another film, another mode or another version. */
@@ -111,6 +112,9 @@ static uint32_t fingerprint(const springpot_film *film)
     if (film->learning != NULL) {
         hash = mixed(hash, film->learning, sizeof *film->learning);
     }
+    if (film->temperature != NULL) {
+        hash = mixed(hash, film->temperature, sizeof *film->temperature);
+    }
     return mixed(hash, &film->law, sizeof film->law);
 }
 
@@ -118,7 +122,7 @@ static uint32_t fingerprint(const springpot_film *film)
 static mxArray *info(const springpot_film *film)
 {
     static const char *names[] = {"film", "step_s", "max_voltage_v", "force_per_square_volt", "stretch_coupling",
-        "saturation_per_square_volt", "preload_n", "stiffness_n_per_m", "has_curve", "learns", "state_bytes"};
+        "saturation_per_square_volt", "preload_n", "stiffness_n_per_m", "has_curve", "learns", "temperature_c", "state_bytes"};
     mxArray *answer = mxCreateStructMatrix(1, 1, (int)(sizeof names / sizeof names[0]), names);
     mxSetField(answer, 0, "film", mxCreateString("@SYMBOL@"));
     mxSetField(answer, 0, "step_s", mxCreateDoubleScalar((double)film->step_s));
@@ -130,6 +134,8 @@ static mxArray *info(const springpot_film *film)
     mxSetField(answer, 0, "stiffness_n_per_m", mxCreateDoubleScalar((double)film->law.stiffness));
     mxSetField(answer, 0, "has_curve", mxCreateLogicalScalar(film->curve != NULL));
     mxSetField(answer, 0, "learns", mxCreateLogicalScalar(film->learning != NULL));
+    mxSetField(answer, 0, "temperature_c",
+        mxCreateDoubleScalar((film->temperature != NULL) ? (double)film->temperature->reference : (double)SPRINGPOT_NO_READING));
     mxSetField(answer, 0, "state_bytes", mxCreateDoubleScalar((double)sizeof(kept)));
     return answer;
 }
@@ -224,6 +230,7 @@ static springpot_tick_input input_at(const column *columns, const mode *of, size
     const bool is_reference = springpot_tick_controls(of->kind);
     const float none = SPRINGPOT_NO_READING;
     springpot_tick_input in;
+    float factors[2];
     float age;
     size_t i;
     in.u = value_at(&columns[0], k, 0.0F);
@@ -231,6 +238,7 @@ static springpot_tick_input input_at(const column *columns, const mode *of, size
     age = value_at(&columns[2], k, 0.0F);
     in.applied = value_at(&columns[3], k, none);
     in.reading = value_at(&columns[4], k, none);
+    in.celsius = value_at(&columns[5], k, none);
     if (!is_reference && !springpot_is_finite(in.u)) {
         mexErrMsgIdAndTxt(REFUSED, "%s(%.0f): it is not finite in single precision", columns[0].name, (double)k + 1.0);
     }
@@ -242,6 +250,11 @@ static springpot_tick_input input_at(const column *columns, const mode *of, size
     }
     if (!((age >= 0.0F) && (age < (float)SPRINGPOT_PAST))) {
         mexErrMsgIdAndTxt(REFUSED, "age_ticks(%.0f): it must be 0 to %u", (double)k + 1.0, (unsigned)(SPRINGPOT_PAST - 1U));
+    }
+    if ((in.celsius == in.celsius) && !springpot_temperature_factors(&@SYMBOL@, in.celsius, factors)) {
+        mexErrMsgIdAndTxt(REFUSED, "temperature_c(%.0f): %s", (double)k + 1.0,
+            springpot_tick_warms(&@SYMBOL@, of->kind) ? "too far from that of the film's parameters for a law that runs"
+                                                     : "the film was not fitted at several temperatures");
     }
     in.age_ticks = (uint32_t)age;
     if ((float)in.age_ticks != age) {
@@ -267,7 +280,7 @@ static void take_state(kept *to, const mode *of, const mxArray *array)
 void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[])
 {
     static const char *names[] = {
-        "displacement_m", "voltage_v", "force_n", "reference_m", "disturbance_n", "force_scale", "limited"};
+        "displacement_m", "voltage_v", "force_n", "reference_m", "disturbance_n", "force_scale", "limited", "ageing", "stiffness_change"};
     column columns[FIELDS] = {{NULL, NULL, 0U, false}};
     double *rows[sizeof names / sizeof names[0]];
     const mode *of;
@@ -310,6 +323,8 @@ void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[])
         rows[4][k] = (double)out.disturbance;
         rows[5][k] = (double)out.force_scale;
         rows[6][k] = (double)out.limited;
+        rows[7][k] = (double)out.ageing;
+        rows[8][k] = (double)out.stiffness;
     }
     if (nlhs == 2) {
         plhs[1] = mxCreateNumericMatrix(sizeof now, 1, mxUINT8_CLASS, mxREAL);

@@ -15,13 +15,15 @@
  *   5 observer      voltage (V), sample (m)                the voltage
  *   6 tracking      reference (m), sample (m), applied (V) the command
  *   7 adaptive      the same: the law follows a film that changes
+ *   6 and 7 of a film that was fitted at several temperatures: a fourth input, its temperature (degrees C)
  *
  * Outputs in every mode: displacement (m; of 5 to 7 the estimate), voltage (V), force (N), and the limits that were met, as a sum of the
  * bits that springpot.h names. All are scalars of double, computed in single precision.
  *
  * sample: NaN in a tick without one. age (ticks, 0 to 63): how old samples are when they arrive; without effect in other modes.
  * applied: the voltage that was really applied since the last tick, after every limit behind the block; NaN: as it was commanded. A
- * ground is a sample of 0 m, or 0 V applied: without a sensor connect a constant NaN.
+ * ground is a sample of 0 m, or 0 V applied: without a sensor connect a constant NaN. temperature: NaN: as before, that of the film's
+ * parameters at first; without samples mode 6 is feedforward.
  *
  * The sample time is step_s of the film, which is the only rate at which the law is right. mdlOutputs steps a copy of the state
  * and mdlUpdate keeps it, so that outputs may be asked for several times in a step. Inputs reach outputs in the same tick (direct
@@ -52,15 +54,25 @@ SPRINGPOT_FILM(@SYMBOL@);
 #define WORDS (sizeof(springpot_tick_state) / sizeof(uint32_t))
 #define OUTPUTS 4
 
-/* Numbers of the ports of sample and applied voltage, and how many inputs there are. */
+/* Numbers of the ports of sample, applied voltage and temperature, and how many inputs there are. */
 typedef struct {
     int_T sample;
     int_T applied;
+    int_T celsius;
     int_T count;
 } ports;
 
-static const ports ports_of[SPRINGPOT_TICK_KINDS] = {
-    {NO_PORT, NO_PORT, 1}, {NO_PORT, NO_PORT, 1}, {NO_PORT, NO_PORT, 1}, {NO_PORT, 1, 2}, {1, NO_PORT, 2}, {1, 2, 3}, {1, 2, 3}};
+static ports ports_of(uint32_t mode)
+{
+    static const ports all[SPRINGPOT_TICK_KINDS] = {{NO_PORT, NO_PORT, NO_PORT, 1}, {NO_PORT, NO_PORT, NO_PORT, 1},
+        {NO_PORT, NO_PORT, NO_PORT, 1}, {NO_PORT, 1, NO_PORT, 2}, {1, NO_PORT, NO_PORT, 2}, {1, 2, NO_PORT, 3}, {1, 2, NO_PORT, 3}};
+    ports of = all[mode - 1U];
+    if (springpot_tick_warms(&@SYMBOL@, mode)) {
+        of.celsius = of.count;
+        of.count++;
+    }
+    return of;
+}
 
 /* A whole number from `low` to `high` in a dialog parameter, or -1. */
 static int_T whole(SimStruct *S, int_T parameter, int_T low, int_T high)
@@ -112,7 +124,7 @@ static void mdlInitializeSizes(SimStruct *S)
     }
     ssSetNumContStates(S, 0);
     ssSetNumDiscStates(S, 0);
-    inputs = ports_of[mode_of(S) - 1U].count;
+    inputs = ports_of(mode_of(S)).count;
     if (!ssSetNumInputPorts(S, inputs)) {
         return;
     }
@@ -180,7 +192,8 @@ static float input_at(SimStruct *S, int_T port)
 
 static void mdlOutputs(SimStruct *S, int_T tid)
 {
-    const ports *has = &ports_of[mode_of(S) - 1U];
+    const ports has = ports_of(mode_of(S));
+    float factors[2];
     springpot_tick_state state;
     springpot_tick_input in;
     springpot_tick_output out;
@@ -188,21 +201,26 @@ static void mdlOutputs(SimStruct *S, int_T tid)
 
     (void)tid;
     memcpy(&state, ssGetDWork(S, KEPT), sizeof state);
-    for (k = 0; k < has->count; k++) {
+    for (k = 0; k < has.count; k++) {
         const float value = input_at(S, k);
         /* NaN is missing; a reference that is missing leaves the last one in force. A film would keep it for good. */
         const bool may_miss = (k > 0) || springpot_tick_controls(state.kind);
         if (!springpot_is_finite(value) && !(may_miss && (value != value))) {
             ssSetErrorStatus(S, (k == 0) ? "@NAME@_sfun: the first input is not finite in single precision"
-                                         : "@NAME@_sfun: a sample or an applied voltage is infinite in single precision");
+                                         : "@NAME@_sfun: a sample, an applied voltage or a temperature is infinite in single precision");
             return;
         }
     }
     in.u = input_at(S, 0);
-    in.sample = input_at(S, has->sample);
+    in.sample = input_at(S, has.sample);
     in.age_ticks = (uint32_t)whole(S, AGE, 0, (int_T)SPRINGPOT_PAST - 1);
-    in.applied = input_at(S, has->applied);
+    in.applied = input_at(S, has.applied);
     in.reading = SPRINGPOT_NO_READING;
+    in.celsius = input_at(S, has.celsius);
+    if ((in.celsius == in.celsius) && !springpot_temperature_factors(&@SYMBOL@, in.celsius, factors)) {
+        ssSetErrorStatus(S, "@NAME@_sfun: the temperature is too far from that of the film's parameters for a law that runs");
+        return;
+    }
     out = springpot_tick(&@SYMBOL@, &state, &in);
     memcpy(ssGetDWork(S, NEXT), &state, sizeof state);
     *(real_T *)ssGetOutputPortSignal(S, 0) = (real_T)out.displacement;

@@ -30,6 +30,7 @@ typedef struct {
     uint32_t age_ticks; /* how many ticks ago it was measured, 0 to SPRINGPOT_PAST - 1 */
     float applied;      /* voltage that was really applied since the last tick, V; NaN: as it was commanded */
     float reading;      /* of a voltage monitor at the end of that time, V */
+    float celsius;      /* temperature of the film from now on, degrees C, where springpot_tick_warms; NaN: as before */
 } springpot_tick_input;
 
 /* Outputs of a tick; NaN: a mode does not have it. */
@@ -40,6 +41,8 @@ typedef struct {
     float reference;    /* shaped, m */
     float disturbance;  /* force that the model does not know, N */
     float force_scale;  /* effect of the electrostatic force over the model's */
+    float ageing;       /* how far the film has moved from its law: fit it again from 1 on */
+    float stiffness;    /* change of its stiffness, if nothing else has changed: 0.02 for 2 % more */
     uint32_t limited;   /* SPRINGPOT_BELOW_ZERO and its siblings */
     bool is_lost;       /* no sample of the sensor for too long */
 } springpot_tick_output;
@@ -63,6 +66,12 @@ static inline bool springpot_tick_controls(uint32_t kind)
     return (kind == SPRINGPOT_TICK_FEEDFORWARD) || (kind >= SPRINGPOT_TICK_TRACKING);
 }
 
+/* Whether a mode follows the film's temperature. */
+static inline bool springpot_tick_warms(const springpot_film *film, uint32_t kind)
+{
+    return (film->temperature != NULL) && (kind >= SPRINGPOT_TICK_TRACKING);
+}
+
 /* Sets all of `state` to a film at rest at x = 0 and 0 V. `kind` is one of SPRINGPOT_TICK_DISPLACEMENT and its siblings. `learns`:
  * feedforward and tracking learn cycles, where the film's file says so. */
 static inline void springpot_tick_init(const springpot_film *film, springpot_tick_state *state, uint32_t kind, bool learns)
@@ -81,12 +90,13 @@ static inline void springpot_tick_init(const springpot_film *film, springpot_tic
     }
 }
 
-/* A tick of `state->kind`. A `u` that is not a number stays in the film for good: refuse it before, or, of a reference, let the last stay. */
+/* A tick of `state->kind`. A `u` that is not a number stays in the film for good: refuse it before, or, of a reference, let the last stay. A
+ * temperature that springpot_temperature_factors refuses is without effect: refuse it before as well. */
 static inline springpot_tick_output springpot_tick(
     const springpot_film *film, springpot_tick_state *state, const springpot_tick_input *in)
 {
     const float none = SPRINGPOT_NO_READING;
-    springpot_tick_output out = {0.0F, 0.0F, 0.0F, 0.0F, 0.0F, 1.0F, 0U, false};
+    springpot_tick_output out = {0.0F, 0.0F, 0.0F, 0.0F, 0.0F, 1.0F, 0.0F, 0.0F, 0U, false};
     const springpot_observer_state *observer = NULL;
     springpot_sample sample;
     const springpot_sample *arrived = springpot_is_finite(in->sample) ? &sample : NULL;
@@ -114,6 +124,7 @@ static inline springpot_tick_output springpot_tick(
         springpot_follower_state *follower = &state->of.follower;
         const float applied = springpot_is_finite(in->applied) ? in->applied : state->commanded;
         springpot_command command;
+        (void)springpot_follower_set_temperature(film, follower, in->celsius);
         out.displacement = springpot_follower_observe(film, follower, applied, in->reading, arrived);
         command = springpot_follower_command(film, follower, in->u);
         state->commanded = command.voltage;
@@ -121,7 +132,11 @@ static inline springpot_tick_output springpot_tick(
         out.force = command.force;
         out.reference = command.reference;
         out.limited = command.limited;
-        observer = (follower->has_sensor != 0U) ? &follower->of.tracking.observer : NULL;
+        if (follower->has_sensor != 0U) {
+            observer = &follower->of.tracking.observer;
+            out.ageing = follower->of.tracking.adaptation.ageing;
+            out.stiffness = springpot_follower_stiffness_change(film, follower);
+        }
     } else {
         const springpot_load load = springpot_load_of(&film->drive, in->u);
         out.displacement = springpot_displacement_under(film, &state->of.law, load);

@@ -1,6 +1,6 @@
 //! The numbers of a film as a C source.
 
-use springpot::{Learning, SelfSensing, Tracking};
+use springpot::{Learning, SelfSensing, TemperatureDependence, Tracking};
 
 use crate::FORMAT;
 use crate::table::Table;
@@ -18,6 +18,8 @@ pub struct Film<'a> {
     pub learning: Option<&'a Learning<f32>>,
     /// The film as its own sensor, if it is configured: `self_sensing_` and the film's symbol in C.
     pub self_sensing: Option<&'a SelfSensing<f32>>,
+    /// How it changes with its temperature, if it was fitted at several.
+    pub temperature: Option<&'a TemperatureDependence>,
 }
 
 /// `NAME.c`: the tables of a film. One program can have several films: nothing but their symbols is visible.
@@ -34,20 +36,16 @@ pub fn film(film: &Film) -> String {
         rounded(1.0 / step_s),
         env!("CARGO_PKG_VERSION"),
     );
-    text.push_str(&table(film).definitions(symbol, step_s));
+    text.push_str(&Table::new(film).definitions(symbol, step_s));
     text
 }
 
 /// Declarations of the structures of two films, which together have all of them: `c/2-film.h`.
 #[must_use]
 pub fn declarations(film: &Film, other: &Film) -> String {
-    let mut all = table(film);
-    all.add(table(other));
+    let mut all = Table::new(film);
+    all.add(Table::new(other));
     all.declarations()
-}
-
-fn table(film: &Film) -> Table {
-    Table::new(film.tracking, film.learning, film.self_sensing)
 }
 
 /// `name` without what would end a comment or an attribute, or begin one within it.

@@ -26,7 +26,7 @@ pub use film::{Film, declarations, film};
 pub use symbol::symbol;
 
 /// The version of the tables, which header and film must share: `SPRINGPOT_FORMAT` in C.
-pub const FORMAT: u32 = 4;
+pub const FORMAT: u32 = 5;
 
 /// `springpot.h`: the same for every film.
 pub const HEADER: &str = concat!(

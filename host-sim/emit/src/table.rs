@@ -2,17 +2,20 @@
 
 use std::fmt::Write;
 
-use springpot::{Learning, Numbers, Record, SelfSensing, Tracking};
+use springpot::{Numbers, Record};
+
+use crate::Film;
 
 /// Structures within `springpot_film`, in their order.
 const WITHIN: [&str; 5] = ["drive", "inverse", "observer", "fade", "adaptation"];
 /// Structures that `springpot_film` points to, and what a null pointer means.
-const BESIDE: [(&str, &str); 5] = [
+const BESIDE: [(&str, &str); 6] = [
     ("curve", "NULL: force follows x itself"),
     ("spring", "NULL: no spring is beside the memory"),
     ("series", "NULL: no spring is in series with the memory"),
     ("amplifier", "NULL: it follows at once"),
     ("learning", "NULL: nothing is learned"),
+    ("temperature", "NULL: it was not fitted at several"),
 ];
 /// The structure at the end of `springpot_film`: it is the largest.
 const LAST: &str = "law";
@@ -41,17 +44,17 @@ struct Field {
 }
 
 impl Table {
-    /// The constants of `tracking`, and of what learns and senses, if anything does.
-    pub(crate) fn new(
-        tracking: &Tracking<f32>,
-        learning: Option<&Learning<f32>>,
-        self_sensing: Option<&SelfSensing<f32>>,
-    ) -> Self {
+    /// The constants of `film`.
+    pub(crate) fn new(film: &Film) -> Self {
+        let Film { tracking, learning, self_sensing, temperature, .. } = *film;
         let mut table = Self::default();
         tracking.numbers(&mut table);
         tracking.numbers_of_changes(&mut table);
         if let Some(learning) = learning {
             learning.numbers(&mut table);
+        }
+        if let Some(dependence) = temperature {
+            dependence.numbers(&mut table);
         }
         if let Some(sensing) = self_sensing {
             sensing.numbers(&mut table);

@@ -2,6 +2,7 @@
 
 use crate::error::ModelError;
 use crate::model::{Maxwell, Springpot};
+use crate::numbers::Numbers;
 
 /// The gas constant, kJ/(mol K).
 const GAS_CONSTANT: f64 = 8.314_462_618e-3;
@@ -86,6 +87,16 @@ impl TemperatureDependence {
     #[must_use]
     pub fn ln_time_per_activation(&self, temperature_c: f64) -> f64 {
         (1.0 / (temperature_c + ZERO_C) - 1.0 / (self.reference_c + ZERO_C)) / GAS_CONSTANT
+    }
+
+    /// Visits its numbers.
+    #[doc(hidden)]
+    #[allow(clippy::cast_possible_truncation)] // as all numbers of a film
+    pub fn numbers(&self, take: &mut impl Numbers<f32>) {
+        take.structure("temperature", "How the film changes with its temperature: springpot_temperature_factors.");
+        take.number("reference", self.reference_c as f32, "at which it is its law, degrees C");
+        take.number("stiffness", self.stiffness_per_k as f32, "change of the stiffness, 1/K");
+        take.number("activation", self.activation_kj_per_mol as f32, "energy of relaxation and creep, kJ/mol");
     }
 
     /// The same film with another reference.

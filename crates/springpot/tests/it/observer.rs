@@ -330,13 +330,13 @@ fn resonant(random: &mut Pcg64, case: usize) -> (Law<f64>, ObserverOptions) {
     let dashpot = c * 10f64.powf(random.random_range(-1.0..2.0));
     let branches = [[element(c * random.random_range(0.1..1.0), 0.0), element(dashpot, 1.0)]];
     let film = |mass_kg: f64| {
-        let branches = if case % 3 == 0 { &branches[..] } else { &[] };
+        let branches = if case.is_multiple_of(3) { &branches[..] } else { &[] };
         Maxwell::new(element(c, alpha), branches, Topology::Parallel, mass_kg).expect("valid")
     };
     let bandwidth_hz = random.random_range(0.2..1.0);
     let resonance_hz = bandwidth_hz * random.random_range(3.0..20.0);
     let film = film(film(0.0).frequency_response(resonance_hz).inv().re / (TAU * resonance_hz).powi(2));
-    let method = if case % 2 == 0 { Discretisation::Gl } else { Discretisation::Bdf2 };
+    let method = if case.is_multiple_of(2) { Discretisation::Gl } else { Discretisation::Bdf2 };
     let law = Law::compressed(&film, LawOptions { method, ..LawOptions::at_step(2e-3) }).expect("a law");
     (law, ObserverOptions { sample_interval_s: 1e-2, delay_s: 1e-2, ..ObserverOptions::at_bandwidth(bandwidth_hz) })
 }

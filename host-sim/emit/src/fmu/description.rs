@@ -13,6 +13,7 @@ const UNITS: &str = "  <UnitDefinitions>
     <Unit name=\"m\"><BaseUnit m=\"1\"/><DisplayUnit name=\"mm\" factor=\"1000\"/></Unit>
     <Unit name=\"N\"><BaseUnit kg=\"1\" m=\"1\" s=\"-2\"/></Unit>
     <Unit name=\"V\"><BaseUnit kg=\"1\" m=\"2\" s=\"-3\" A=\"-1\"/><DisplayUnit name=\"kV\" factor=\"0.001\"/></Unit>
+    <Unit name=\"degC\"><BaseUnit K=\"1\" offset=\"273.15\"/></Unit>
     <Unit name=\"1\"><BaseUnit/></Unit>
   </UnitDefinitions>
 ";
@@ -166,6 +167,6 @@ pub(super) fn build(of: &Described) -> String {
     for file in of.compiled {
         let _ = writeln!(text, "      <SourceFile name=\"{file}\"/>");
     }
-    text + "    </SourceFileSet>\n    <Library name=\"m\" external=\"true\" description=\"sqrtf\"/>\n  \
+    text + "    </SourceFileSet>\n    <Library name=\"m\" external=\"true\" description=\"sqrtf, exp\"/>\n  \
             </BuildConfiguration>\n</fmiBuildDescription>\n"
 }

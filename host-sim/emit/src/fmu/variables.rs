@@ -78,7 +78,7 @@ const fn variable(name: &'static str, causality: Causality, kind: Kind, descript
 use Causality::{Input, Output, Parameter};
 
 /// All but the time, whose reference is 0, in the order of their references from 1.
-pub(super) const VARIABLES: [Variable; 18] = [
+pub(super) const VARIABLES: [Variable; 22] = [
     variable("mode", Parameter, Kind::Choice, "What this FMU is"),
     variable("learning", Parameter, Kind::Flag, "Feedforward, tracking: the errors of periodic references are learned"),
     variable(
@@ -86,6 +86,12 @@ pub(super) const VARIABLES: [Variable; 18] = [
         Parameter,
         Kind::Flag,
         "Feedforward, tracking: the input voltage is what was applied since the last tick; otherwise it was the command",
+    ),
+    variable(
+        "temperature_is_given",
+        Parameter,
+        Kind::Flag,
+        "Tracking, adaptive: the input temperature is the film's, which was fitted at several; otherwise it is that of its parameters",
     ),
     variable(
         "voltage",
@@ -99,6 +105,12 @@ pub(super) const VARIABLES: [Variable; 18] = [
     variable("sample_age", Input, Kind::Whole { most: 63 }, "How many ticks ago it was measured"),
     variable("reading", Input, VOLTS, "Feedforward, tracking: what a voltage monitor read"),
     variable("reading_taken", Input, Kind::Flag, "Whether there is such a reading"),
+    variable(
+        "temperature",
+        Input,
+        real("degC", None, "20"),
+        "Tracking, adaptive: temperature of the film, if that is given",
+    ),
     variable(
         "displacement",
         Output,
@@ -125,6 +137,18 @@ pub(super) const VARIABLES: [Variable; 18] = [
         Output,
         real("1", None, "1"),
         "Observer, tracking: effect of the electrostatic force over the model's",
+    ),
+    variable(
+        "ageing",
+        Output,
+        real("1", None, "0"),
+        "Adaptive: how far the film has moved from its law; fit it again from 1 on",
+    ),
+    variable(
+        "stiffness_change",
+        Output,
+        real("1", None, "0"),
+        "Adaptive: change of the film's stiffness, if nothing else has changed, as a share of it",
     ),
     variable("sensor_lost", Output, Kind::Flag, "Observer, tracking: no sample for too long"),
 ];

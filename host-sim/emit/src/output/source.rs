@@ -106,6 +106,7 @@ impl Source {
             tracking: follower.compensator(),
             learning: follower.learning(),
             self_sensing: sensing.as_ref(),
+            temperature: parameters.temperature.as_ref(),
         };
         let text = |(path, text): (PathBuf, String)| (path, text.into_bytes());
         let beside = |(name, content): (String, String)| text((self.out.with_file_name(name), content));

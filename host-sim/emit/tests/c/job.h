@@ -67,7 +67,11 @@ static void job_adapt(const springpot_film *film, springpot_follower_state *foll
         springpot_follower_forget_changes(follower);
     }
     if ((in->flags & 16384U) != 0U) {
-        (void)springpot_follower_set_temperature_factors(film, follower, 0.8F * in->b, 700.0F * in->a);
+        if (film->temperature != NULL) {
+            (void)springpot_follower_set_temperature(film, follower, 20.0F + (3000.0F * in->a));
+        } else {
+            (void)springpot_follower_set_temperature_factors(film, follower, 0.8F * in->b, 700.0F * in->a);
+        }
     }
 }
 

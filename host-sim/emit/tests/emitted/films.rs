@@ -5,7 +5,7 @@ use rand_pcg::Pcg64;
 use springpot::{
     Actuator, AmplifierLag, CapacitanceRelation, CommandLimits, Curve, Discretisation, Feedforward, Law, LawOptions,
     Learning, LearningOptions, Measure, ObserverOptions, Preload, Preset, SelfSensing, SelfSensingOptions, Spring,
-    Tracking,
+    TemperatureDependence, Tracking,
 };
 
 use host_emit::Film;
@@ -18,6 +18,7 @@ pub struct Case {
     pub tracking: Tracking<f32>,
     pub learning: Option<Learning<f32>>,
     pub sensed: Option<Sensed>,
+    pub temperature: Option<TemperatureDependence>,
 }
 
 impl Case {
@@ -29,6 +30,7 @@ impl Case {
             tracking: &self.tracking,
             learning: self.learning.as_ref(),
             self_sensing: self.sensed.as_ref().map(|sensed| &sensed.sensing),
+            temperature: self.temperature.as_ref(),
         }
     }
 
@@ -42,7 +44,8 @@ impl Case {
         let learning = learning
             .map(|options| Learning::new(&law, &actuator, limits.max_voltage_v, options).expect("options of learning"));
         let feedforward = Feedforward::new(law.clone(), &actuator, limits).expect("as tracking");
-        Some(Self { name: name.into(), law, feedforward, tracking, learning, sensed })
+        let temperature = (amplifier != AmplifierLag::NONE).then_some(WARMS);
+        Some(Self { name: name.into(), law, feedforward, tracking, learning, sensed, temperature })
     }
 
     /// The published model by these options, behind `curve`, or beside or in series with a spring of its shape.
@@ -60,6 +63,10 @@ impl Case {
         Self::new(name, law, setup, Some(Sensed::random(33))).expect("accepted")
     }
 }
+
+/// How films whose amplifier lags change with their temperature: in numbers that single precision has.
+const WARMS: TemperatureDependence =
+    TemperatureDependence { reference_c: 22.5, stiffness_per_k: -0.0078125, activation_kj_per_mol: 32.0 };
 
 /// Self-sensing of a film, and what it was built of.
 pub struct Sensed {

@@ -2,7 +2,7 @@
 
 use springpot::{
     Adapted, Adapting, Applied, Compensator, FilmReading, Follower, FollowerState, SelfSensing, SelfSensingFault,
-    SensorSample, Tracking, VoltageCommand,
+    SensorSample, TemperatureDependence, Tracking, VoltageCommand,
 };
 
 use crate::films::Case;
@@ -39,6 +39,13 @@ pub struct Input {
     pub b: f32,
     pub sample: Option<SensorSample<f32>>,
     pub flags: u32,
+}
+
+impl Input {
+    /// The temperature that is ordered where the film was fitted at several, °C.
+    pub fn celsius(&self) -> f32 {
+        20.0 + 3_000.0 * self.a
+    }
 }
 
 /// Orders about a film that changes: flags beside those of [`follow`].
@@ -194,6 +201,7 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
                 Some(learning) if kind == Kind::Learning => follower.with_learning(*learning),
                 _ => follower,
             };
+            let adapt = |state: &mut _, input: &_| adapt(state, input, case.temperature.as_ref());
             follow(&follower, state, inputs, adapt, |state, x, command| {
                 let observer = state.observer();
                 let adapted = state.compensator().adapted();
@@ -210,7 +218,7 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
 }
 
 /// An order about a film that changes.
-fn adapt(state: &mut FollowerState<f32, Tracking<f32>>, input: &Input) {
+fn adapt(state: &mut FollowerState<f32, Tracking<f32>>, input: &Input, temperature: Option<&TemperatureDependence>) {
     match input.flags & !14 {
         LEARN => state.set_adapting(Adapting::Learn),
         HOLD => state.set_adapting(Adapting::Hold),
@@ -230,8 +238,15 @@ fn adapt(state: &mut FollowerState<f32, Tracking<f32>>, input: &Input) {
         }
         FORGET_CHANGES => state.forget_changes(),
         TEMPERATURE => {
+            let factors = match temperature {
+                Some(dependence) => {
+                    let celsius = f64::from(input.celsius());
+                    [dependence.stiffness_factor(celsius), dependence.time_factor(celsius)].map(|factor| factor as f32)
+                }
+                None => [0.8 * input.b, 700.0 * input.a],
+            };
             // As what is restored.
-            let _ = state.set_temperature_factors(0.8 * input.b, 700.0 * input.a);
+            let _ = state.set_temperature_factors(factors[0], factors[1]);
         }
         _ => {}
     }

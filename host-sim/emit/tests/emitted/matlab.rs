@@ -10,7 +10,7 @@ use tempfile::TempDir;
 
 use crate::bits::{inputs, recorded};
 use crate::films::{self, Case};
-use crate::job::{self, Input, Kind, LEARN, Row};
+use crate::job::{self, Input, Kind, LEARN, Row, TEMPERATURE};
 use crate::program::{STRICT, source, succeeds};
 use crate::recordings::recordings;
 
@@ -30,11 +30,17 @@ const AGE: usize = 10;
 
 /// Inputs along a recording, without what a gateway does not have: orders, samples that are not numbers or of another age, and, unless
 /// `is_monitored`, the reading of a monitor.
-fn plain_inputs(kind: Option<Kind>, recorded: &[(f32, f32)], is_monitored: bool) -> Vec<Input> {
+fn plain_inputs(case: &Case, kind: Option<Kind>, recorded: &[(f32, f32)], is_monitored: bool) -> Vec<Input> {
     let mut inputs = inputs(kind.unwrap_or(Kind::Observer), recorded);
-    for input in &mut inputs {
-        // Of the orders a caller has the voltage that was applied.
-        input.flags = if input.flags == 4 { 4 } else { 0 };
+    for (k, input) in inputs.iter_mut().enumerate() {
+        // Of the orders a caller has the voltage that was applied, and the temperature of a film that was fitted at several.
+        let warms =
+            case.temperature.is_some() && kind == Some(Kind::Learning) && k % 5000 == 2500 && input.a.is_finite();
+        input.flags = match input.flags {
+            4 => 4,
+            _ if warms => TEMPERATURE,
+            _ => 0,
+        };
         input.sample = input.sample.filter(|s| s.displacement_m.is_finite() && s.age_ticks == AGE);
         if !is_monitored {
             input.b = f32::NAN;
@@ -135,7 +141,7 @@ fn block_has_the_bits(seconds: usize, count: usize) {
         for path in recordings("hossain").iter().take(count) {
             let recorded = recorded(path, seconds);
             for (number, (mode, kind)) in MODES.into_iter().enumerate() {
-                let inputs = plain_inputs(kind, &recorded, false);
+                let inputs = plain_inputs(&case, kind, &recorded, false);
                 let job = job::bytes(Kind::Displacement, 0, &inputs);
                 let file = folder.path().join("input");
                 // Without the head of a job.
@@ -206,7 +212,7 @@ fn the_block_refuses_what_it_cannot_step() {
         let (good, stderr) = run(parameters, first, second);
         assert!(!good && stderr.contains(words), "{parameters:?}: {stderr}");
     }
-    for (mode, inputs) in [("1", 1), ("4", 2), ("5", 2), ("6", 3)] {
+    for (mode, inputs) in [("1", 1), ("4", 2), ("5", 2), ("6", 3), ("7", 3)] {
         let (good, stderr) = run(&[mode, "0"], if mode == "6" { f32::NAN } else { 0.0 }, None);
         assert!(good, "{stderr}");
         assert_eq!(stderr, format!("{inputs} inputs every 0.001 s from 0 s\n"));
@@ -245,17 +251,18 @@ fn the_mex_function_has_the_bits_of_rust() {
         let mut wanted = Vec::new();
         for (name, case) in &cases {
             for (mode, kind) in MODES {
-                let inputs = plain_inputs(kind, &recorded, true);
+                let inputs = plain_inputs(case, kind, &recorded, true);
                 let expected = expected((mode, kind), case, &inputs);
                 let mut before = 0.0_f32;
                 let mut bytes = Vec::new();
                 for (k, (input, expected)) in inputs.iter().zip(&expected).enumerate() {
                     let sample = input.sample.map_or(f32::NAN, |sample| sample.displacement_m);
-                    let is_halved = input.flags != 0;
+                    let is_halved = input.flags == 4;
+                    let celsius = if input.flags == TEMPERATURE { input.celsius() } else { f32::NAN };
                     let put_out = if is_halved { 0.5 * before } else { before };
                     // Where it is what was commanded, it is given now and then.
                     let applied = if is_halved || k % 3 == 0 { put_out } else { f32::NAN };
-                    let row = [input.a, sample, 0.0, applied, input.b * put_out];
+                    let row = [input.a, sample, celsius, applied, input.b * put_out];
                     bytes.extend(row.iter().flat_map(|number| number.to_le_bytes()));
                     before = expected[1].map_or(0.0, f32::from_bits);
                 }

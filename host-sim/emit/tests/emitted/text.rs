@@ -36,6 +36,9 @@ fn every_number_is_written_to_its_last_bit() {
         if let Some(sensed) = &case.sensed {
             sensed.sensing.numbers(&mut listed);
         }
+        if let Some(temperature) = &case.temperature {
+            temperature.numbers(&mut listed);
+        }
         let text = film(&case.film("film_x"));
         let (_, tables) = text.split_once("#endif").expect("a guard");
         let words = tables.split(|c: char| !(c.is_ascii_alphanumeric() || ".-+".contains(c)));

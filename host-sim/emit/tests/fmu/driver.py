@@ -24,9 +24,9 @@ from fmpy.validation import validate_fmu
 
 STEP_S = 1e-3
 MODES = {"plant": 1, "observer": 2, "feedforward": 3, "tracking": 4, "adaptive": 5}
-REALS_IN = ["voltage", "reference", "sample", "reading"]
+REALS_IN = ["voltage", "reference", "sample", "reading", "temperature"]
 FLAGS_IN = ["sample_taken", "reading_taken"]
-REALS_OUT = ["displacement", "force", "command", "shaped_reference", "disturbance", "force_scale"]
+REALS_OUT = ["displacement", "force", "command", "shaped_reference", "disturbance", "force_scale", "ageing", "stiffness_change"]
 ERROR = 3
 HEADERS = os.path.join(os.path.dirname(fmpy.__file__), "c-code")
 
@@ -131,10 +131,10 @@ def refused(what):
 def run(path, mode, inputs, outputs, *parameters):
     description, folder = fmpy.read_model_description(path), fmpy.extract(path)
     film = Instance(folder, description, mode=MODES[mode], **{name: True for name in parameters}).begun()
-    rows = np.fromfile(inputs).reshape(-1, 7)
-    written = np.empty((len(rows), 8))
-    for k, (voltage, reference, sample, taken, age, reading, has_reading) in enumerate(rows.tolist()):
-        film.set_reals(REALS_IN, [voltage, reference, sample, reading])
+    rows = np.fromfile(inputs).reshape(-1, 8)
+    written = np.empty((len(rows), 10))
+    for k, (voltage, reference, sample, taken, age, reading, has_reading, celsius) in enumerate(rows.tolist()):
+        film.set_reals(REALS_IN, [voltage, reference, sample, reading, celsius])
         film.set_flags(FLAGS_IN, [taken != 0.0, has_reading != 0.0])
         film.set_whole("sample_age", int(age))
         # As an importer that takes differences of times.
@@ -247,6 +247,20 @@ def check_refusals(folder, description, learns, other_path):
     else:
         with refused("learning by a film that does not learn"):
             learner.begun()
+    # The film that learns was fitted at several temperatures as well.
+    for mode in MODES.values():
+        warm = Instance(folder, description, mode=mode, temperature_is_given=True, temperature=30.0)
+        if learns and mode >= MODES["tracking"]:
+            warm.begun().step()
+            for celsius in [90.0, -60.0, -274.0]:
+                warm.set_reals(["temperature"], [celsius])
+                with refused(f"{celsius} degrees C"):
+                    warm.step()
+            warm.set_reals(["temperature"], [35.0])
+            warm.step()
+        else:
+            with refused("a temperature by a film or a mode without one"):
+                warm.begun()
     with refused("a start at NaN"):
         Instance(folder, description, start=float("nan"))
     film = Instance(folder, description, start=5.0, mode=1)

@@ -17,6 +17,9 @@ for k = 1:numel(jobs)
   if any(strcmp(mode, {'feedforward', 'tracking', 'adaptive'}))
     given.applied_v = rows(:, 4);
     given.reading_v = rows(:, 5);
+    if any(rows(:, 3) > 0)
+      given.temperature_c = rows(:, 3);
+    end
   end
   % In pieces: one tick, a third as rows of double, the rest as columns of single; the state goes on.
   steps = size(rows, 1);

@@ -100,7 +100,8 @@ int main(int count, char **arguments)
         S->input[0].signal = (real_T)row.a;
         /* The sample in front of the applied voltage, which is given where it is not what was commanded. */
         S->input[1].signal = sample;
-        S->input[2].signal = (row.flags != 0U) ? (0.5 * S->output[1].signal) : (real_T)NAN;
+        S->input[3].signal = ((row.flags & 16384U) != 0U) ? (real_T)(20.0F + (3000.0F * row.a)) : (real_T)NAN;
+        S->input[2].signal = ((row.flags & 4U) != 0U) ? (0.5 * S->output[1].signal) : (real_T)NAN;
         if (parameters[0].value == 4.0) {
             S->input[1].signal = S->input[2].signal;
         }
