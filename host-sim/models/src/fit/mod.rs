@@ -14,6 +14,7 @@ mod delay;
 pub(crate) mod descent;
 pub(crate) mod explained;
 pub(crate) mod faults;
+mod jitter;
 pub(crate) mod left_out;
 pub mod objective;
 pub mod observation;
@@ -272,6 +273,7 @@ impl Fit {
         let faults = if candidate.delay_s == 0.0 { faults } else { &faults.without_lags() };
         let left = faults.left(observations[0].reading);
         let (size, lag_s) = faults.size_and_lag_s(&left);
+        recorded.jitter_s = jitter::jitter_s(observations, &modelled, &residuals);
         (recorded.fault_m, recorded.lag_s) = (size * (recorded.stroke_m[1] - recorded.stroke_m[0]), lag_s);
         let expected_pct = expected_pct(context, &found.candidate, &refits, &recorded);
 
@@ -282,6 +284,7 @@ impl Fit {
             checks::of_delay(&candidate, uncertainty.as_ref(), &mut warnings);
         }
         checks::of_temperatures(observations, &candidate, &mut warnings);
+        jitter::warn(recorded.jitter_s, &mut warnings);
         checks::of_structures(&structures, &mut warnings);
         checks::of_order(&candidate, &mut warnings);
         checks::of_amplitudes(observations, &candidate, &mut warnings);
@@ -347,6 +350,7 @@ fn recorded(
         misfit_m: 0.0,
         fault_m: 0.0,
         lag_s: 0.0,
+        jitter_s: 0.0,
         temperature_c: observation::temperatures_c(observations).map(|(low, high)| [low, high]),
         refits: Vec::new(),
     };

@@ -33,6 +33,8 @@ const SLACK: f64 = 0.02;
 /// Largest error over a fault's size, and over that by a lag: calibrated on films of other kinds with such faults.
 const MAX_FAULT: f64 = 3.0;
 const MAX_LAG: f64 = 1.5;
+/// Growth of the largest where time stamps are off: calibrated on 15 films of these kinds.
+const JITTERS: f64 = 3.0;
 /// Temperatures, K, that are as good as the same.
 const SAME_K: f64 = 2.0;
 /// Time after which the error of a reference counts, s.
@@ -65,6 +67,9 @@ pub struct Recorded {
     /// Time by which the stroke may lag the drive by such faults, s.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub lag_s: f64,
+    /// About the RMS of what their time stamps are off by, s.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub jitter_s: f64,
     /// Lowest and highest temperature, °C.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub temperature_c: Option<[f64; 2]>,
@@ -208,8 +213,9 @@ impl Recorded {
         };
         let [low, high] = difference_m.map_or([0.0, MAX_OVER_LEFT_OUT * self.left_out_m], estimated);
         let by_faults = MAX_FAULT * self.fault_m + MAX_LAG * self.lag_s * speed_m_per_s;
+        let growth = if self.jitter_s > 0.0 { JITTERS } else { 1.0 };
         // The film may be found all the same.
-        if by_faults > 0.0 { [0.0, high + by_faults] } else { [low, high] }
+        if by_faults > 0.0 || growth > 1.0 { [0.0, growth * high + by_faults] } else { [low, high] }
     }
 
     /// The quantities in which `reference` (m, on `grid`), which needs `voltage_v` at the most, exceeds the recordings, and by how much the

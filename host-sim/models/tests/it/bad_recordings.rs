@@ -98,15 +98,20 @@ fn findings(recordings: &[Recording]) -> Vec<String> {
     report.findings.into_iter().map(|finding| finding.finding).filter(|text| !is_of_excitation(text)).collect()
 }
 
-/// RMS error (% of the range) on another drive of the film that is fitted to `recordings`; none where `fit` refuses.
-fn error_pct(recordings: &[Recording], film: &Film, stroke_m: f64) -> Option<f64> {
-    let options = FitOptions {
+/// A fit of one structure.
+fn one_branch() -> FitOptions {
+    FitOptions {
         branches: Branches::Number(1),
         topology: TopologyChoice::Parallel,
         curve: CurveChoice::None,
         starts: 2,
         ..FitOptions::default()
-    };
+    }
+}
+
+/// RMS error (% of the range) on another drive of the film that is fitted to `recordings`; none where `fit` refuses.
+fn error_pct(recordings: &[Recording], film: &Film, stroke_m: f64) -> Option<f64> {
+    let options = one_branch();
     let settings = options.settings(None, Some((Actuator::KARNER_2022, false))).expect("settings");
     let observed = options.observations(&recordings.iter().collect::<Vec<_>>()).ok()?;
     let observations: Vec<_> = observed.into_iter().map(|(observation, _)| observation).collect();
@@ -220,6 +225,34 @@ fn a_fit_expects_what_faults_do() {
     }
     println!("missed {missed:?}, unnamed {unnamed:?}, poor {poor:?}");
     assert!(missed.is_empty() && 10 * unnamed.len() <= strong && poor.is_empty(), "{missed:?} {unnamed:?} {poor:?}");
+}
+
+/// Time stamps that are off are found, unless the sensor's noise hides them, in rows that are not even; where rows are lost, none are.
+#[test]
+fn a_clock_that_jitters_is_measured() {
+    let (films, mut found) = (if full_sweep() { 40 } else { 2 }, 0);
+    for seed in 0..films {
+        let mut random = Pcg64::seed_from_u64(500 + seed);
+        let film = Film::random(&mut random);
+        for (name, share) in [("jitter of the clock", 0.45 / 3_f64.sqrt()), ("lost rows", 0.0)] {
+            let fault = FAULTS.iter().find(|fault| fault.name == name).expect("a fault");
+            let recordings = made(&mut Pcg64::seed_from_u64(seed), &film, Some((fault, 1.0)), 1e-3);
+            let times = recordings[0].displacement().expect("readings").time_s;
+            let wanted_s = share * (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
+            let options = one_branch();
+            let settings = options.settings(None, Some((Actuator::KARNER_2022, false))).expect("settings");
+            let observed = options.observations(&recordings.iter().collect::<Vec<_>>()).expect("observations");
+            let observations: Vec<_> = observed.into_iter().map(|(observation, _)| observation).collect();
+            let fit = fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| ()).expect("a fit");
+            let found_s = fit.recorded.jitter_s;
+            println!("{seed} {name}: {found_s:.2e} of {wanted_s:.2e} s");
+            assert!(found_s <= 2.5 * wanted_s, "{seed} {name}: {found_s} of {wanted_s} s");
+            found += usize::from(found_s > 0.3 * wanted_s);
+            let is_named = fit.warnings.iter().any(|warning| warning.text.contains("the clock jitters"));
+            assert_eq!(is_named, found_s > 0.0, "{seed} {name}");
+        }
+    }
+    assert!(2 * found >= films as usize, "{found} of {films}");
 }
 
 /// The effect of a fault on the report and the film.

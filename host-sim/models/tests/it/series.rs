@@ -363,6 +363,7 @@ fn fits_to_parts_keep_the_spring() {
         misfit_m: 0.0,
         fault_m: 0.0,
         lag_s: 0.0,
+        jitter_s: 0.0,
         temperature_c: None,
         refits: vec![Refit::new(film)],
     };

@@ -241,6 +241,7 @@ fn what_was_not_recorded_is_reported() {
         misfit_m: 1e-6,
         fault_m: 0.0,
         lag_s: 0.0,
+        jitter_s: 0.0,
         temperature_c: None,
         refits: Vec::new(),
     };
