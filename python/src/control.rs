@@ -154,7 +154,7 @@ fn sample(sensor: DisplacementSensor, since: Since, delay_s: f64, rate_hz: f64) 
 /// `sensor_delay_s` old. Over `adaptation_s` a disturbance that swings with the load becomes a change of the force scale. With `harmonics` (at most
 /// 6) the errors of a periodic reference are learned; `period_s` is found if left out. With `adapts` the model follows a film that changes, and
 /// without a sample goes on with what the film has shown. What is None is the model's board's, or the paper's
-/// bench's. `limits` as springpot.Limits.
+/// bench's, with a bandwidth that the model's resonance allows. `limits` as springpot.Limits.
 ///
 /// These limits shape commands; they do not protect people or film. Raises InputError for what is refused.
 #[pyclass(frozen, name = "Tracking", module = "springpot")]

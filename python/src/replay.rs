@@ -237,7 +237,7 @@ pub(crate) fn check_reference<'py>(
 
 /// The observer over a recording of voltage and displacement, `rate_hz` ticks per second.
 ///
-/// Below `bandwidth_hz` the estimate follows the sensor, above it the model; 0.6 Hz, or the most for a slower sensor, if left out. Over
+/// Below `bandwidth_hz` the estimate follows the sensor, above it the model; 0.6 Hz, or the most that sensor and model allow, if left out. Over
 /// `adaptation_s` a disturbance that swings with the load becomes a change of the force scale; 0 for never.
 #[pyfunction]
 #[pyo3(signature = (model, recording, *, rate_hz=1000.0, bandwidth_hz=None, adaptation_s=30.0, precision="f32", method="gl"))]

@@ -19,7 +19,7 @@ use super::{bench, feedforward as feedforward_command, options, replay};
 use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folder, Folders, Staged};
-use crate::files::parameters::Parameters;
+use crate::files::parameters::{Parameters, below_resonance};
 use crate::files::recording::{Direction, Input, Recording};
 use crate::fit::{FitReport, Settings, observation};
 use crate::grid::Grid;
@@ -67,8 +67,6 @@ const SIMULATED_HZ: f64 = 100.0;
 const SIMULATED_PEAK_V: f64 = 6000.0;
 /// The controllers that are compared.
 const CONTROLLERS: [ControllerKind; 3] = [ControllerKind::None, ControllerKind::Feedforward, ControllerKind::Tracking];
-/// Bandwidth of tracking, Hz: a fifth of the simulated film's resonance.
-const BANDWIDTH_HZ: f32 = 0.6;
 
 /// The results of a demo, for people and machines.
 #[derive(Serialize)]
@@ -386,10 +384,11 @@ fn closed_loops(
     stop: &AtomicBool,
 ) -> Result<Vec<(&'static str, LoopRun)>> {
     let film = Film::new(PLANT);
+    let law = parameters.film().compressed_law(sine.grid.rate_hz)?;
     let settings = ControllerSettings {
         rate_hz: sine.grid.rate_hz,
         limits,
-        observer: Control { bandwidth_hz: BANDWIDTH_HZ, ..Control::BENCH }.observer_options(),
+        observer: below_resonance(Control::BENCH, &law).observer_options(),
         learning: None,
         peak_m: sine.reference.high_m,
     };

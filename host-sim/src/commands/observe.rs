@@ -40,7 +40,7 @@ pub(super) struct Arguments {
     every: Option<NonZeroUsize>,
     #[command(flatten)]
     plot: PlotOption,
-    /// Up to here the estimate follows the sensor, beyond it the model; 0.6 Hz, or the most for a slower sensor, if left
+    /// Up to here the estimate follows the sensor, beyond it the model; 0.6 Hz, or the most that sensor and model allow, if left
     /// out.
     #[arg(long, value_name = "HZ", value_parser = quantity::hertz)]
     bandwidth: Option<f64>,
