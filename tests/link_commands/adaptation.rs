@@ -65,6 +65,10 @@ fn a_temperature_is_ordered_and_shown() {
         names(&board.fails(&format!("{verb} --temperature 30")), &[other]);
     }
     assert_eq!(&board.json("adaptation")["stiffness_at_temperature"], stiffness);
+    // What is kept leaves the parameters those of the file.
+    board.json("adaptation keep");
+    board.json("reload");
+    board.json(&order("--at 25", "warm.toml"));
     assert_eq!(board.json("adaptation off")["stiffness_at_temperature"], 1.0);
 }
 

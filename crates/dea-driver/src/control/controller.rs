@@ -228,7 +228,7 @@ impl<M: ControllerMemory> Controller<M> {
         &self.parameters
     }
 
-    /// The checksum of the blob that the parameters were read from; none if they were made of values.
+    /// [`Blob::checksum`].
     #[must_use]
     pub fn checksum(&self) -> Option<u32> {
         self.checksum

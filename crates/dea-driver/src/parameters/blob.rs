@@ -330,7 +330,8 @@ impl<M: ControllerMemory> Blob<M> {
         &self.parameters
     }
 
-    /// The checksum of the bytes that it was read from; none if it was made of values.
+    /// The checksum of the bytes that it was read from, as they would be without [what was kept](Parameters::adapted) of a film that changes; none if it
+    /// was made of values.
     #[must_use]
     pub fn checksum(&self) -> Option<u32> {
         self.checksum

@@ -226,7 +226,10 @@ fn what_no_law_has_learned_is_refused() {
     let mut bytes = encoded(&with(sound), BOARD);
     let usual = encoded(&Parameters { adapted: None, ..with(sound) }, BOARD);
     assert_eq!(bytes.len(), usual.len() + 28);
-    assert_eq!(Blob::decode(&bytes, BOARD).expect("sound").parameters(), &with(sound));
+    let kept = Blob::decode(&bytes, BOARD).expect("sound");
+    assert_eq!(kept.parameters(), &with(sound));
+    // As which parameters a host knows them.
+    assert_eq!(kept.checksum(), usual.last_chunk().copied().map(u32::from_le_bytes));
     for unsound in [
         Adapted { force_scale: 0.2, ..sound },
         Adapted { force_scale: -1.0, ..sound },

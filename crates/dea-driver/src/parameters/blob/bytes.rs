@@ -1,5 +1,7 @@
 //! The bytes of a blob: header, contents, checksum.
 
+use core::ops::Range;
+
 use super::{BLOB_LEN, Blob, BlobError, SCHEMA, SCHEMA_WITHOUT_SPRING};
 use crate::chips::Converters;
 use crate::parameters::{ControllerMemory, Parameters, SelfSensor};
@@ -49,6 +51,19 @@ impl BlobHeader {
         }
         let [schema, board, length] = [[s0, s1], [b0, b1], [l0, l1]].map(u16::from_le_bytes);
         Ok(Self { schema, board, length })
+    }
+
+    /// The checksum that the blob of `bytes` would have without one of its parts, and its flag.
+    #[inline(never)]
+    fn checksum_without(self, bytes: &[u8], flag: u8, part: Range<usize>) -> u32 {
+        #[allow(clippy::cast_possible_truncation)] // a part of the length
+        let length = self.length - part.len() as u16;
+        let header = Self { schema: self.schema & !(u16::from(flag) << 8), length, ..self };
+        let mut digest = CRC.digest();
+        for kept in [&header.bytes(), &bytes[Self::LEN..part.start], &bytes[part.end..self.contents_end()]] {
+            digest.update(kept);
+        }
+        digest.finalize()
     }
 
     fn bytes(self) -> [u8; Self::LEN] {
@@ -144,7 +159,7 @@ impl<M: ControllerMemory> Blob<M> {
             return Err(BlobError::TooLong);
         }
         let found = bytes.get(end..end + CHECKSUM_LEN).ok_or(BlobError::Truncated)?;
-        let checksum = CRC.checksum(&bytes[..end]);
+        let mut checksum = CRC.checksum(&bytes[..end]);
         if checksum.to_le_bytes() != found {
             return Err(BlobError::Checksum);
         }
@@ -176,6 +191,7 @@ impl<M: ControllerMemory> Blob<M> {
         }
         if flags & STATES_ADAPTED != 0 {
             let (adapted, left) = postcard::take_from_bytes(rest).map_err(refused)?;
+            checksum = header.checksum_without(bytes, STATES_ADAPTED, end - rest.len()..end - left.len());
             (parameters.adapted, rest) = (Some(adapted), left);
         }
         if flags & STATES_SELF_SENSING != 0 {
