@@ -16,6 +16,10 @@ const RESONANCE_MARGIN: f64 = 3.0;
 /// from −1 on.
 const LOOP_DISTANCE: f64 = 0.2;
 const MIN_REAL_LOOP: f64 = -0.7;
+/// Largest loop at the resonance that is small everywhere near it.
+const SMALL_LOOP: f64 = 0.25;
+/// Halvings of an octave in which the resonance is.
+const HALVINGS: usize = 14;
 /// Shares of the resonance by which frequencies near it differ from it: the powers of this.
 const DETUNING: f64 = 0.7;
 const DETUNINGS: usize = 24;
@@ -74,16 +78,14 @@ fn is_damped<T: Real, M: Memory<T>>(law: &Law<T, M>, tangent: Tangent, options: 
         }
         (low, high) = (high, 2.0 * high);
     }
-    for _ in 0..20 {
+    for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
         *(if law.stepped_stiffness(middle, tangent).re > 0.0 { &mut low } else { &mut high }) = middle;
     }
     let stiffness = law.dynamic_stiffness(bandwidth_hz, tangent);
     #[allow(clippy::cast_possible_truncation)] // as many as an observer remembers
     let late = ((delay_s + 0.5 * sample_interval_s) / law.step_s()) as i32;
-    let (mut detuning, mut before) = (-DETUNING, Complex::default());
-    for k in 0..2 * DETUNINGS {
-        let tan = low * (1.0 + detuning);
+    let loop_at = |tan: f64| -> Complex<f64> {
         let bandwidths = tan / tan_of(bandwidth_hz);
         let correction = Complex::new(
             stiffness.im.max(0.0) - 0.5 * stiffness.re / (bandwidths * bandwidths),
@@ -91,7 +93,14 @@ fn is_damped<T: Real, M: Memory<T>>(law: &Law<T, M>, tangent: Tangent, options: 
         );
         let tick = Complex::new(1.0, -tan) / Complex::new(1.0, tan);
         let film = law.stepped_stiffness(tan, tangent) * Complex::new(1.0, 0.25 * bandwidths);
-        let now: Complex<f64> = tick.powi(late) * correction / film;
+        tick.powi(late) * correction / film
+    };
+    if loop_at(low).norm_sqr() < SMALL_LOOP * SMALL_LOOP {
+        return true;
+    }
+    let (mut detuning, mut before) = (-DETUNING, Complex::default());
+    for k in 0..2 * DETUNINGS {
+        let now = loop_at(low * (1.0 + detuning));
         let real = before.re - before.im * (now.re - before.re) / (now.im - before.im);
         if (now + 1.0).norm_sqr() < LOOP_DISTANCE * LOOP_DISTANCE || before.im * now.im < 0.0 && real < MIN_REAL_LOOP {
             return false;
