@@ -36,16 +36,20 @@ pub fn film(film: &Film) -> String {
         rounded(1.0 / step_s),
         env!("CARGO_PKG_VERSION"),
     );
-    text.push_str(&Table::new(film).definitions(symbol, step_s));
+    text.push_str(&table(film).definitions(symbol, step_s));
     text
 }
 
 /// Declarations of the structures of two films, which together have all of them: `c/2-film.h`.
 #[must_use]
 pub fn declarations(film: &Film, other: &Film) -> String {
-    let mut all = Table::new(film);
-    all.add(Table::new(other));
+    let mut all = table(film);
+    all.add(table(other));
     all.declarations()
+}
+
+fn table(film: &Film) -> Table {
+    Table::new(film.tracking, film.learning, film.self_sensing, film.temperature)
 }
 
 /// `name` without what would end a comment or an attribute, or begin one within it.

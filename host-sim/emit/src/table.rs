@@ -2,9 +2,7 @@
 
 use std::fmt::Write;
 
-use springpot::{Numbers, Record};
-
-use crate::Film;
+use springpot::{Learning, Numbers, Record, SelfSensing, TemperatureDependence, Tracking};
 
 /// Structures within `springpot_film`, in their order.
 const WITHIN: [&str; 5] = ["drive", "inverse", "observer", "fade", "adaptation"];
@@ -44,9 +42,13 @@ struct Field {
 }
 
 impl Table {
-    /// The constants of `film`.
-    pub(crate) fn new(film: &Film) -> Self {
-        let Film { tracking, learning, self_sensing, temperature, .. } = *film;
+    /// The constants of `tracking`, and of what learns, senses and follows the temperature, if anything does.
+    pub(crate) fn new(
+        tracking: &Tracking<f32>,
+        learning: Option<&Learning<f32>>,
+        self_sensing: Option<&SelfSensing<f32>>,
+        temperature: Option<&TemperatureDependence>,
+    ) -> Self {
         let mut table = Self::default();
         tracking.numbers(&mut table);
         tracking.numbers_of_changes(&mut table);

@@ -205,6 +205,12 @@ pub fn of_ramp(rows: &[Row], report: &ramp::Report, band_hz: f64) -> Vec<Finding
         let measured = format!("{:+.4} mm at {:.0} V", 1e3 * last.measured_m, last.voltage_v);
         return vec![Finding::new(Cause::SensorSign, measured)];
     }
+    if ramp::is_flat(&report.steps, noise_m) {
+        let last = report.steps[report.steps.len() - 1];
+        let measured =
+            format!("the sensor stays at {:.4} mm of stroke up to {:.0} V", 1e3 * last.measured_m, last.voltage_v);
+        findings.push(Finding::new(Cause::Saturation, measured));
+    }
     let of_step = |step: &ramp::Step| -> Vec<&Row> {
         rows.iter().filter(|row| (step.from_s..step.from_s + STEP_S).contains(&row.time_s)).collect()
     };

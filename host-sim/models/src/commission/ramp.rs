@@ -23,6 +23,10 @@ const AHEAD_S: f64 = 60.0;
 const PULL_IN: f64 = 2.0;
 /// Time from which creep is logarithmic, s.
 const CREEP_S: f64 = 0.3;
+/// Share of its largest growth before that one of two steps must have, where that is so many times the noise: what grows less is a sensor at the end of
+/// its range.
+const FLAT: f64 = 0.1;
+const SURE: f64 = 5.0;
 /// A stroke below so many times the noise does not identify a film.
 const MIN_STROKE: f64 = 30.0;
 /// A step is seen from so many times the noise on.
@@ -249,6 +253,9 @@ impl Ramp {
             if falls(before) && falls(last) {
                 return Err("the stroke falls as the voltage rises".into());
             }
+            if is_flat(&self.steps, self.noise_m) {
+                return Err("the displacement no longer grows with the voltage".into());
+            }
             let growth = last.slope.unwrap_or(1.0).max(0.0);
             let next = growth * (growth / before.slope.unwrap_or(growth).max(f64::MIN_POSITIVE)).max(1.0);
             if growth.max(next) > PULL_IN {
@@ -317,6 +324,20 @@ impl Ramp {
         let slope = self.first_slope.unwrap_or(0.0) * last.slope.unwrap_or(0.0);
         Some(line.max(last.measured_m + slope * rise))
     }
+}
+
+/// Whether the displacement has not grown in the last two steps, although it did in those before.
+pub(super) fn is_flat(steps: &[Step], noise_m: f64) -> bool {
+    let growths: Vec<[f64; 2]> = steps
+        .windows(2)
+        .map(|pair| [pair[1].voltage_v.powi(2) - pair[0].voltage_v.powi(2), pair[1].measured_m - pair[0].measured_m])
+        .collect();
+    let [before @ .., last_but_one, last] = growths.as_slice() else { return false };
+    let usual = before.iter().map(|[squares, grown_m]| grown_m / squares).fold(0.0, f64::max);
+    [last_but_one, last].into_iter().all(|[squares, grown_m]| {
+        let expected_m = usual * squares;
+        expected_m > SURE * noise_m && *grown_m < FLAT * expected_m
+    })
 }
 
 /// Least squares; none where the columns do not differ.

@@ -7,9 +7,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use host_io::choice::Choice;
 use host_io::files::parameters::{Board, Parameters};
+use host_models::commission::ramp::{Limits, Ramp};
 use host_models::commission::simulated::{Fault, FaultKind, SimulatedBench};
 use host_models::commission::verification::Quality;
-use host_models::commission::{self, Cause, Plan, Report, Step};
+use host_models::commission::{self, Cause, Plan, Report, Row, Step};
 use host_models::fit::FitOptions;
 use host_models::fit::options::Branches;
 use host_models::fit::settings::CurveChoice;
@@ -141,6 +142,43 @@ fn sound_films_pass_and_their_bounds_hold() {
     );
     assert!(20 * passed >= 19 * seeds.len(), "{passed} of {}", seeds.len());
     assert!(held.is_empty() || within > 0.95, "{within}");
+}
+
+/// A sensor that ends within the range of a film that stiffens or softens ends the ramp within four steps; a sensor that does not, never.
+#[test]
+fn a_ramp_ends_where_the_sensor_does() {
+    let mut random = Pcg64::seed_from_u64(9);
+    let limits = Limits::new(&Actuator::KARNER_2022, &Board::bench(&Actuator::KARNER_2022));
+    let mut named = 0;
+    for case in 0..200 {
+        let (stroke_m, creep) = (limits.stroke_m * random.random_range(0.3..1.0), random.random_range(0.0..0.15));
+        let bend = random.random_range(-0.4..0.4);
+        // Reached at 60 % of the largest force or before.
+        let reached_m = 0.6 * stroke_m * (1.0 + 0.6 * bend);
+        let end_m = if case % 2 == 0 { f64::INFINITY } else { reached_m * random.random_range(0.3..0.9) };
+        let (mut ramp, mut volts, mut crept, mut k) = (Ramp::new(limits), 0.0, 0.0, 0_u32);
+        let mut seen_v = f64::INFINITY;
+        loop {
+            let share = (volts / limits.voltage_v).powi(2);
+            crept += (share - crept) * 1e-3;
+            let film_m = stroke_m * (share * (1.0 + bend * share) + creep * crept);
+            let displacement_m = film_m.min(end_m) + 2e-6 * random.random_range(-1.0..1.0);
+            seen_v = if film_m < end_m { seen_v } else { seen_v.min(volts) };
+            let time_s = f64::from(k) * 0.01;
+            let row =
+                Row { time_s, host_s: time_s, command_v: volts, monitor_v: volts, displacement_m, reference_m: 0.0 };
+            let Some(next) = ramp.next(&row) else { break };
+            (volts, k) = (next, k + 1);
+        }
+        let report = ramp.report();
+        let is_flat = report.ended_by.contains("no longer grows");
+        assert!(!is_flat || end_m.is_finite(), "{case}: {}", report.ended_by);
+        named += usize::from(is_flat);
+        let over = report.steps.iter().filter(|step| step.voltage_v > seen_v).count();
+        assert!(over <= 4, "{case}: {over} steps beyond {seen_v} V, {}", report.ended_by);
+    }
+    // Others look like a pull-in.
+    assert!(named >= 80, "{named} of 100");
 }
 
 /// The observer is as fast as stated on a film that allows it, slower near a resonance, and never slower than the band.
