@@ -5,7 +5,7 @@ use springpot::{Actuator, Maxwell, Springpot, Topology};
 
 use super::verification::RATE_HZ;
 use crate::error::Result;
-use crate::files::parameters::{Board, Parameters};
+use crate::files::parameters::{Board, Parameters, below_resonance};
 use crate::fit::FitOptions;
 
 choice! {
@@ -112,12 +112,8 @@ pub fn provisional(plan: &Plan) -> Result<Parameters> {
 ///
 /// [`Error`](crate::error::Error) where a controller refuses it with every bandwidth.
 pub fn with_accepted_bandwidth(parameters: Parameters, board: &Board, band_hz: f64) -> Result<Parameters> {
-    let with_bandwidth = |bandwidth_hz: f32| {
-        let mut parameters = Parameters { board: Some(board.clone()), ..parameters.clone() };
-        parameters.board.iter_mut().for_each(|board| board.control.bandwidth_hz = bandwidth_hz);
-        parameters.checked_blob(RATE_HZ).map(|_| parameters)
-    };
-    let stated_hz = board.control.bandwidth_hz;
-    let mut slower = (1..).map(|k| stated_hz * 0.8_f32.powi(k)).take_while(|hz| f64::from(*hz) >= band_hz);
-    with_bandwidth(stated_hz).or_else(|refused| slower.find_map(|hz| with_bandwidth(hz).ok()).ok_or(refused))
+    let slower = below_resonance(board.control, &parameters.film().compressed_law(RATE_HZ)?);
+    let control = if f64::from(slower.bandwidth_hz) < band_hz { board.control } else { slower };
+    let parameters = Parameters { board: Some(board.clone().with_control(control)), ..parameters };
+    parameters.checked_blob(RATE_HZ).map(|_| parameters)
 }

@@ -184,12 +184,21 @@ fn a_ramp_ends_where_the_sensor_does() {
 /// The observer is as fast as stated on a film that allows it, slower near a resonance, and never slower than the band.
 #[test]
 fn a_bandwidth_is_what_a_controller_accepts() {
-    let board = Board::bench(&Actuator::KARNER_2022);
+    let bench = Board::bench(&Actuator::KARNER_2022);
+    for missing in [vec![], Board::KEYS.to_vec()] {
+        accepts_what_a_controller_accepts(&Board { missing, ..bench.clone() });
+    }
+}
+
+fn accepts_what_a_controller_accepts(board: &Board) {
     let accepted = |c: f64, band_hz: f64| {
         let mut film = Parameters::preset("table3-n2").expect("a preset");
         film.model = Maxwell::new(Springpot::new(c, 0.25), &[], Topology::Parallel, 0.316).expect("valid");
-        let film = commission::plan::with_accepted_bandwidth(film, &board, band_hz);
-        film.map(|film| film.board.expect("a board").control.bandwidth_hz)
+        let film = commission::plan::with_accepted_bandwidth(film, board, band_hz)?;
+        let stated = film.board.clone().expect("a board");
+        // What is written is what a controller runs.
+        assert!(stated.states_control() && film.control(1000.0)?.bandwidth_hz == stated.control.bandwidth_hz);
+        Ok::<f32, host_io::Error>(stated.control.bandwidth_hz)
     };
     assert_eq!(accepted(1e5, 0.2).expect("accepted"), 0.6);
     let hz = accepted(16.0, 0.2).expect("accepted");

@@ -152,6 +152,13 @@ impl Board {
         self.missing.iter().copied().filter(|key| *key != CONTROL).collect()
     }
 
+    /// The same with settings of control that are stated.
+    #[must_use]
+    pub fn with_control(mut self, control: Control) -> Self {
+        self.missing.retain(|key| *key != CONTROL);
+        Self { control, ..self }
+    }
+
     /// Whether its settings of control are stated; otherwise they are those of the paper's bench, with a bandwidth that suits the film.
     pub fn states_control(&self) -> bool {
         !self.missing.contains(&CONTROL)
