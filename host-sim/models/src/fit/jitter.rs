@@ -3,9 +3,9 @@
 use super::observation::Observation;
 use super::preparation::{Severity, Warning};
 
-/// Mean distance of the ratio of neighbouring intervals from a whole number, above which rows are not even: lost rows leave whole ones.
-const UNEVEN: f64 = 0.1;
-/// Least correlation of the squares of speeds and of the residuals' changes: of sines whose noise is of the clock alone it is about 0.4.
+/// Mean of how uneven intervals are, above which a clock may jitter.
+const UNEVEN: f64 = 0.05;
+/// Least correlation of the squares of speeds and of what is left of the residuals: of sines whose noise is of the clock alone it is about 0.4.
 const MIN_CORRELATION: f64 = 0.08;
 
 /// About the RMS of what the time stamps are off by, s, in the recording where it is largest; 0 where noise hides it. `modelled` and `residuals` (m or N)
@@ -29,18 +29,26 @@ pub(super) fn warn(jitter_s: f64, warnings: &mut Vec<Warning>) {
 
 fn of_rows(time_s: &[f64], modelled: &[f64], residuals: &[f64]) -> Option<f64> {
     let steps: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let off_whole = |pair: &[f64]| {
-        let ratio = pair[0].max(pair[1]) / pair[0].min(pair[1]);
-        (ratio - ratio.round()).abs()
+    // Lost rows leave whole ratios, rows that become sparser a step between those beside it.
+    let off = |steps: &[f64]| {
+        let ratio = steps[0].max(steps[1]) / steps[0].min(steps[1]);
+        let middle = steps[1] / (steps[0] * steps[2]).sqrt();
+        (ratio - ratio.round()).abs().min(middle.ln().abs())
     };
-    if mean(steps.windows(2).map(off_whole))? < UNEVEN {
+    if mean(steps.windows(3).map(off))? < UNEVEN {
         return None;
     }
-    // Half the square of a residual's change from one row to the next is noise² + jitter² v²: what the model does not follow changes slowly.
-    let speeds = modelled.windows(2).zip(time_s.windows(2)).map(|(x, t)| (x[1] - x[0]) / (t[1] - t[0]));
-    let changes = residuals.windows(2).map(|pair| pair[1] - pair[0]);
-    let squares: Vec<[f64; 2]> =
-        speeds.zip(changes).map(|(speed, change)| [speed * speed, 0.5 * change * change]).collect();
+    // What is left of a row between those beside it is noise² + jitter² v²: what the model does not follow is smooth.
+    let squares: Vec<[f64; 2]> = time_s
+        .windows(3)
+        .zip(modelled.windows(3).zip(residuals.windows(3)))
+        .map(|(t, (x, r))| {
+            let share = (t[1] - t[0]) / (t[2] - t[0]);
+            let left = r[1] - r[0] - share * (r[2] - r[0]);
+            let speed = (x[2] - x[0]) / (t[2] - t[0]);
+            [speed * speed, left * left / (1.0 + share * share + (1.0 - share) * (1.0 - share))]
+        })
+        .collect();
     let [speed, residual] = [0, 1].map(|i| mean(squares.iter().map(|pair| pair[i])));
     let (speed, residual) = (speed?, residual?);
     let moment = |i: usize, j: usize| {

@@ -46,6 +46,20 @@ const fn rows(name: &'static str, causes: &'static [&'static str], change: Chang
     Fault { name, causes, stage: Stage::Rows(change), is_of_instrument: false }
 }
 
+/// Rows that are not even, at the times at which they were taken: no faults.
+pub(super) const UNEVEN: [Fault; 2] = [
+    rows("every second row, by chance", &[], |run, random| run.rows.retain(|_| random.random_bool(0.5))),
+    rows("rows that become sparser", &[], |run, _| {
+        let mut next = 0.0_f64;
+        run.rows = std::iter::from_fn(|| {
+            let row = run.rows.get(next as usize).copied();
+            next = (1.02 * next).max(next + 1.0);
+            row
+        })
+        .collect();
+    }),
+];
+
 /// A random sign.
 fn sign(random: &mut Pcg64) -> f64 {
     if random.random_bool(0.5) { 1.0 } else { -1.0 }
