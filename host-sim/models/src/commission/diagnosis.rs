@@ -78,6 +78,8 @@ impl Finding {
 
 /// Share by which gauge and sensor, or command and monitor, may differ.
 const SCALE: f64 = 0.02;
+/// Share by which the monitor may fall behind the command over the ramp, with the square of the voltage.
+const LEAK: f64 = 0.003;
 /// Lag of an amplifier or a sensor beyond what is stated, s.
 pub(super) const MAX_LAG_S: f64 = 0.015;
 /// Share of a step by which a film may swing at a frequency within [`MARGIN`] times the band.
@@ -253,7 +255,7 @@ fn of_voltage(steps: &[Vec<&Row>], of: &[ramp::Step]) -> Vec<Finding> {
         percent(last.1),
         last.0
     );
-    if first.1 - last.1 > 0.5 * SCALE {
+    if first.1 - last.1 > 0.5 * SCALE || fall(&ratios).is_some_and(|fall| fall > LEAK) {
         // A range ends at once, a leak grows.
         let before = ratios.iter().rev().nth(1).map_or(first.1, |ratio| ratio.1);
         let ends = ratios.len() > 2 && first.1 - before < 0.15 * (first.1 - last.1);
@@ -267,6 +269,22 @@ fn of_voltage(steps: &[Vec<&Row>], of: &[ramp::Step]) -> Vec<Finding> {
         findings.push(Finding::new(Cause::Lag, format!("the monitor is {:.0} ms behind the command", 1e3 * lag_s)));
     }
     findings
+}
+
+/// By how much the ratio of monitor and command falls with the square of the voltage up to the last of `ratios`, beyond five standard errors; none where that
+/// is not known.
+fn fall(ratios: &[(f64, f64)]) -> Option<f64> {
+    // The monitor's noise is the same at all voltages.
+    let weighed =
+        |value: &dyn Fn(f64, f64) -> f64| -> f64 { ratios.iter().map(|&(v, r)| v * v * value(v * v, r)).sum() };
+    let weight = weighed(&|_, _| 1.0);
+    let [square, ratio] = [weighed(&|s, _| s) / weight, weighed(&|_, r| r) / weight];
+    let spread = weighed(&|s, _| (s - square).powi(2));
+    let slope = weighed(&|s, r| (s - square) * (r - ratio)) / spread;
+    let left = weighed(&|s, r| (r - ratio - slope * (s - square)).powi(2));
+    let freedom = ratios.len().checked_sub(2).filter(|freedom| *freedom > 1)? as f64;
+    let sure = slope + 5.0 * (left / freedom / spread).sqrt();
+    (sure < 0.0).then(|| -slope * ratios[ratios.len() - 1].0.powi(2))
 }
 
 /// A swing after the steps that is within or near the band.
