@@ -22,7 +22,7 @@
  *
  * sample: NaN in a tick without one. age (ticks, 0 to 63): how old samples are when they arrive; without effect in other modes.
  * applied: the voltage that was really applied since the last tick, after every limit behind the block; NaN: as it was commanded. A
- * ground is a sample of 0 m, or 0 V applied: without a sensor connect a constant NaN. temperature: NaN: as before, that of the film's
+ * ground is a sample of 0 m, 0 V applied, or 0 degrees C: without a sensor connect a constant NaN. temperature: NaN: as before, that of the film's
  * parameters at first; without samples mode 6 is feedforward.
  *
  * The sample time is step_s of the film, which is the only rate at which the law is right. mdlOutputs steps a copy of the state

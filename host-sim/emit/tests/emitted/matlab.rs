@@ -183,17 +183,19 @@ fn the_block_has_the_bits_of_rust_over_three_recordings() {
 /// Invalid modes and ages, inputs that a film would keep for good, and the sample time.
 #[test]
 fn the_block_refuses_what_it_cannot_step() {
-    let folder = exported(&films::plain(), "film");
-    block(folder.path(), "film");
-    let run = |parameters: &[&str], first: f32, second: Option<f32>| {
+    // Of the second film the temperature is an input.
+    let folders = [films::plain(), films::rich()].map(|case| exported(&case, "film"));
+    folders.iter().for_each(|folder| drop(block(folder.path(), "film")));
+    let run_of = |folder: &Path, parameters: &[&str], first: f32, second: Option<f32>, flags: u32| {
         let sample = second.map(|displacement_m| SensorSample { displacement_m, age_ticks: 0 });
-        let input = Input { a: first, b: 0.0, sample, flags: 0 };
-        let file = folder.path().join("input");
+        let input = Input { a: first, b: 0.0, sample, flags };
+        let file = folder.join("input");
         fs::write(&file, &job::bytes(Kind::Force, 0, &[input])[12..]).expect("written");
-        let mut command = Command::new(folder.path().join("block"));
+        let mut command = Command::new(folder.join("block"));
         let output = command.args(parameters).stdin(fs::File::open(&file).expect("written")).output().expect("runs");
         (output.status.success(), String::from_utf8(output.stderr).expect("text"))
     };
+    let run = |parameters: &[&str], first, second| run_of(folders[0].path(), parameters, first, second, 0);
     let infinite = Some(f32::NEG_INFINITY);
     for (parameters, first, second, words) in [
         (["0", "0"].as_slice(), 0.0, None, "film_sfun: the mode"),
@@ -216,6 +218,12 @@ fn the_block_refuses_what_it_cannot_step() {
         let (good, stderr) = run(&[mode, "0"], if mode == "6" { f32::NAN } else { 0.0 }, None);
         assert!(good, "{stderr}");
         assert_eq!(stderr, format!("{inputs} inputs every 0.001 s from 0 s\n"));
+    }
+    // 23 °C, and beyond its reach.
+    for (mode, first, good) in [("6", 1e-3, true), ("7", 1e-3, true), ("6", 0.05, false), ("7", -0.05, false)] {
+        let (is_good, stderr) = run_of(folders[1].path(), &[mode, "0"], first, None, TEMPERATURE);
+        let words = if good { "4 inputs" } else { "film_sfun: the temperature is too far" };
+        assert!(is_good == good && stderr.contains(words), "{mode}, {first}: {stderr}");
     }
 }
 
@@ -295,7 +303,7 @@ fn the_mex_function_refuses_bad_input() {
     let folder = TempDir::new().expect("a folder");
     write(folder.path(), &films::plain(), "film");
     write(folder.path(), &films::learned(), "other");
-    build_mex(folder.path(), "film");
-    build_mex(folder.path(), "other");
+    write(folder.path(), &films::rich(), "warm");
+    ["film", "other", "warm"].iter().for_each(|name| build_mex(folder.path(), name));
     assert_eq!(octave(folder.path(), "errors.m"), "good\tfilm\t0.001 s\n");
 }
