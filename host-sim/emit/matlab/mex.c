@@ -59,11 +59,11 @@ typedef struct {
 } mode;
 
 static const mode modes[SPRINGPOT_TICK_KINDS] = {
-    {"displacement", SPRINGPOT_TICK_DISPLACEMENT, {"force_n", NULL, NULL, NULL, NULL, NULL}},
-    {"force", SPRINGPOT_TICK_FORCE, {"displacement_m", NULL, NULL, NULL, NULL, NULL}},
-    {"film", SPRINGPOT_TICK_FILM, {"voltage_v", NULL, NULL, NULL, NULL, NULL}},
-    {"feedforward", SPRINGPOT_TICK_FEEDFORWARD, {"reference_m", NULL, NULL, "applied_v", "reading_v", NULL}},
-    {"observer", SPRINGPOT_TICK_OBSERVER, {"voltage_v", "sample_m", "age_ticks", NULL, NULL, NULL}},
+    {"displacement", SPRINGPOT_TICK_DISPLACEMENT, {"force_n"}},
+    {"force", SPRINGPOT_TICK_FORCE, {"displacement_m"}},
+    {"film", SPRINGPOT_TICK_FILM, {"voltage_v"}},
+    {"feedforward", SPRINGPOT_TICK_FEEDFORWARD, {"reference_m", NULL, NULL, "applied_v", "reading_v"}},
+    {"observer", SPRINGPOT_TICK_OBSERVER, {"voltage_v", "sample_m", "age_ticks"}},
     {"tracking", SPRINGPOT_TICK_TRACKING, {"reference_m", "sample_m", "age_ticks", "applied_v", "reading_v", "temperature_c"}},
     {"adaptive", SPRINGPOT_TICK_ADAPTIVE, {"reference_m", "sample_m", "age_ticks", "applied_v", "reading_v", "temperature_c"}},
 };

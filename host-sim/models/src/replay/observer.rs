@@ -89,14 +89,11 @@ pub fn options(bandwidth_hz: f64, adaptation_s: f64, measured: &Samples, grid: G
     Ok(control.observer_options())
 }
 
-/// Default bandwidth of an observer, Hz.
-pub const DEFAULT_BANDWIDTH_HZ: f64 = 0.6;
-
 /// How an observer of a recording is tuned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// Up to here the estimate follows the sensor, beyond it the model, Hz; [`DEFAULT_BANDWIDTH_HZ`], or the most that a
-    /// slower sensor allows, if `None`.
+    /// Up to here the estimate follows the sensor, beyond it the model, Hz; that of [`Control::BENCH`], or the most that
+    /// sensor and model allow, if `None`.
     bandwidth_hz: Option<f64>,
     /// Time over which a disturbance that swings with the load becomes a change of the force scale, s; 0 for never.
     adaptation_s: f64,
@@ -156,7 +153,7 @@ impl ObservedRecording {
         progress: &dyn Watch,
     ) -> Result<Estimates> {
         let delay_s = parameters.sensor_delay_s.max(0.0);
-        let wanted_hz = tuning.bandwidth_hz.unwrap_or(DEFAULT_BANDWIDTH_HZ);
+        let wanted_hz = tuning.bandwidth_hz.unwrap_or(Control::BENCH.bandwidth_hz.into());
         let mut options =
             ObserverOptions { delay_s, ..options(wanted_hz, tuning.adaptation_s, &self.measured, self.grid)? };
         if tuning.bandwidth_hz.is_none() {
