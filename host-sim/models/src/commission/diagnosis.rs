@@ -255,7 +255,13 @@ fn of_voltage(steps: &[Vec<&Row>], of: &[ramp::Step]) -> Vec<Finding> {
         percent(last.1),
         last.0
     );
-    if first.1 - last.1 > 0.5 * SCALE || fall(&ratios).is_some_and(|fall| fall > LEAK) {
+    // A zero that is off is as many volts at every voltage.
+    let offsets_v: Vec<f64> = ratios.iter().map(|(v, ratio)| v * (ratio - 1.0)).collect();
+    let offset_v = offsets_v.iter().sum::<f64>() / offsets_v.len() as f64;
+    let is_constant = offsets_v.iter().all(|volts| (volts - offset_v).abs() < 0.2 * offset_v.abs());
+    if is_constant && offset_v.abs() > 0.5 * SCALE * first.0 {
+        findings.push(Finding::new(Cause::MonitorGain, format!("{measured}: {offset_v:+.0} V at every voltage")));
+    } else if first.1 - last.1 > 0.5 * SCALE || fall(&ratios).is_some_and(|fall| fall > LEAK) {
         // A range ends at once, a leak grows.
         let before = ratios.iter().rev().nth(1).map_or(first.1, |ratio| ratio.1);
         let ends = ratios.len() > 2 && first.1 - before < 0.15 * (first.1 - last.1);

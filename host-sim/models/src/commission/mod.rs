@@ -72,6 +72,7 @@ pub fn commission(
         checksum: None,
         feedforward: None,
         tracking: None,
+        monitor_error: None,
         creep: None,
         film_s: 0.0,
         files: Vec::new(),
@@ -404,6 +405,8 @@ impl Course<'_> {
                 ("reference_m", Some(&column(&|row| row.reference_m))),
             ],
         )?;
+        let sum = |value: fn(&Row) -> f64| feedforward.iter().map(value).sum::<f64>();
+        self.report.monitor_error = Some(sum(|row| row.monitor_v) / sum(|row| row.command_v) - 1.0);
         let quality = |rows: &[Row], predicted| Quality::new(segments.errors_pct(rows, ramp.noise_m), predicted);
         self.report.feedforward = Some(quality(&feedforward, predicted_pct));
         self.report.tracking = Some(quality(&tracking, [0.0, predicted_pct[1]]));

@@ -11,6 +11,9 @@ use super::plan::{Plan, Step};
 use super::ramp::{self, Limits};
 use super::verification::{MIN_SEGMENTS, Quality};
 
+/// Share by which monitor and command may differ where voltages that are commanded in advance miss.
+const MONITOR_ERROR: f64 = 0.005;
+
 /// The verdict.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
@@ -60,6 +63,8 @@ pub struct Report {
     pub feedforward: Option<Quality>,
     /// The film with it.
     pub tracking: Option<Quality>,
+    /// Monitor over command along the segments without the sensor, less 1.
+    pub monitor_error: Option<f64>,
     /// Creep.
     pub creep: Option<Creep>,
     /// Time of the film, s.
@@ -108,6 +113,7 @@ impl Report {
             (&self.tracking, plan.allowed_pct[1], "with the sensor"),
         ] {
             let Some(quality) = quality else { continue };
+            let before = self.findings.len();
             if quality.largest_pct > allowed_pct {
                 let measured =
                     format!("{:.1} % RMS in the worst segment {how}, {allowed_pct} % are allowed", quality.largest_pct);
@@ -118,6 +124,14 @@ impl Report {
                     quality.rms_pct, quality.predicted_pct[1]
                 );
                 self.findings.push(Finding::new(Cause::Unexplained, measured));
+            }
+            // Voltages that are commanded in advance miss by it twice, in force.
+            if let (Some(finding), Some(error)) = (self.findings.get_mut(before), self.monitor_error)
+                && error.abs() > MONITOR_ERROR
+            {
+                let measured =
+                    format!("{}; the monitor differs from the command by {:+.1} %", finding.measured, 100.0 * error);
+                *finding = Finding::new(Cause::MonitorGain, measured);
             }
         }
         let (passed, sentence, next) = match (self.findings.first(), &self.feedforward, &self.tracking) {

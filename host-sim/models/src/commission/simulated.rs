@@ -46,6 +46,10 @@ choice! {
         Drift = "drift",
         /// Friction holds the target back by this, m.
         Friction = "friction",
+        /// The amplifier gives this times its command.
+        AmplifierGain = "amplifier-gain",
+        /// The monitor's zero is off by this, V.
+        MonitorOffset = "monitor-offset",
     }
 }
 
@@ -205,7 +209,7 @@ impl<'a> SimulatedBench<'a> {
     /// A tick of controller, amplifier and film.
     fn tick(&mut self) -> dea_driver::Telemetry {
         let monitor_v = self.fault(FaultKind::MonitorGain).unwrap_or(1.0) * self.film_v;
-        let monitor_v = self.readings.voltage_v(monitor_v);
+        let monitor_v = self.readings.voltage_v(monitor_v) + self.fault(FaultKind::MonitorOffset).unwrap_or(0.0);
         let sensor = &self.board.sensor.clone();
         let inputs = Inputs {
             interlock_closed: true,
@@ -239,6 +243,7 @@ impl<'a> SimulatedBench<'a> {
     fn amplify(&mut self) {
         let largest_v = f64::from(self.board.limits.max_voltage_v);
         let mut wanted_v = self.command_v.min(self.fault(FaultKind::AmplifierEnd).unwrap_or(f64::INFINITY));
+        wanted_v *= self.fault(FaultKind::AmplifierGain).unwrap_or(1.0);
         if let Some(share) = self.fault(FaultKind::Leak) {
             wanted_v *= 1.0 - share * (wanted_v / largest_v).powi(2);
         }

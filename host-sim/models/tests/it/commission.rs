@@ -228,6 +228,20 @@ const FAULTS: &[(FaultKind, &[Cause], &[f64])] = &[
     (FaultKind::Friction, &[Cause::Friction], &[-0.03, -0.1]),
 ];
 
+/// Faults that are weak, or look like another one: the amplifier's shows in an error of the voltages that were commanded in advance.
+#[test]
+fn what_was_found_is_named_by_its_cause() {
+    for (kind, strength, cause, words) in [
+        (FaultKind::MonitorOffset, 30.0, Cause::MonitorGain, "+30 V at every voltage"),
+        (FaultKind::AmplifierGain, 0.982, Cause::MonitorGain, "differs from the command by -1.8 %"),
+    ] {
+        let report = Case::random(1003).run(vec![Fault { kind, strength }]);
+        let first = &report.findings[0];
+        let is_named = first.cause == cause && first.measured.contains(words);
+        assert!(is_named && !report.verdict.passed, "{}: {}", kind.name(), printed(&report));
+    }
+}
+
 #[test]
 fn bad_benches_do_not_pass() {
     let all: Vec<(FaultKind, &[Cause], f64)> = FAULTS
