@@ -49,6 +49,33 @@ fn rival_columns_are_a_question() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
+/// A force beside volts with an unknown name, or a voltage in an unknown unit: which of them drives the film is a question.
+#[test]
+fn a_force_does_not_replace_a_voltage() {
+    let folder = Folder::new();
+    let numbers = rows(";", '.', |s| vec![s.time_s, 1e3 * s.voltage_kv, 0.25, s.laser_mm]);
+    for (voltage, force, answer) in [
+        ("Monitor (V)", "Force (N)", "voltage=2"),
+        ("CH1 (V)", "Force (N)", "voltage=2"),
+        ("Amplifier (V)", "Load cell (N)", "voltage=2"),
+        ("HV (VDC)", "Force (N)", "voltage=2*1"),
+        ("HV mon (V/kV)", "Force (N)", "voltage=2*1"),
+        ("Napięcie (V)", "Siła (N)", "voltage=2"),
+    ] {
+        let text = format!("Time (s);{voltage};{force};Laser (mm)\n{numbers}");
+        has(&folder.refused(&text, ""), &[voltage, "`columns` voltage=2", "voltage=none"]);
+        assert_eq!(difference(&folder.read(&text, answer).expect("answered")), None, "{voltage}");
+        let recording = folder.read(&text, "voltage=none").expect("answered");
+        assert_eq!(recording.drive().expect("a force").samples().value, [0.25; 24], "{voltage}");
+    }
+    // What is in kV is the voltage.
+    let text = format!(
+        "Time (s);CH1 (kV);Force (N);Laser (mm)\n{}",
+        rows(";", '.', |s| vec![s.time_s, s.voltage_kv, 0.25, s.laser_mm])
+    );
+    assert_eq!(difference(&folder.read(&text, "").expect("read")), None);
+}
+
 /// A channel with times of its own beside the others: which column is the time is a question.
 #[test]
 fn times_of_each_channel_are_a_question() {

@@ -118,11 +118,12 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices, times: Or
             None => missing.push(quantity),
         }
     }
-    // The unit alone counts for what is needed and for the displacement, which most recordings have.
+    // The unit alone counts for what is needed, and for voltage and displacement, which most recordings have.
     for quantity in missing {
         let has = |wanted: Quantity| chosen.iter().any(|column| column.quantity == wanted);
         let needed = request.needed.iter().any(|set| set.contains(&quantity) && !set.iter().any(|q| has(*q)));
-        let is_sought = needed || quantity == Quantity::Displacement;
+        // A voltage drives the film, also beside a force.
+        let is_sought = needed || matches!(quantity, Quantity::Voltage | Quantity::Displacement);
         let taken: Vec<usize> = chosen.iter().map(|column| column.index).collect();
         let by_unit = titles.of_unit(quantity, &taken, false);
         match by_unit.as_slice() {
@@ -131,6 +132,7 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices, times: Or
             _ => {}
         }
     }
+    titles.refuse_force_beside_volts(&chosen, choices, request)?;
     for set in request.needed {
         let is_time = *set == [Quantity::Time];
         if !(is_time && times != Origin::Column || chosen.iter().any(|column| set.contains(&column.quantity))) {
@@ -344,6 +346,33 @@ impl Titles<'_> {
                 quantity.name(),
                 index + 1,
                 quantity.name()
+            )),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses a force as the drive beside volts that no name explains: they may be those of the film.
+    fn refuse_force_beside_volts(
+        &self,
+        chosen: &[Chosen],
+        choices: &Choices,
+        request: &Request<'_>,
+    ) -> Result<(), String> {
+        let has = |quantity: Quantity| chosen.iter().any(|column| column.quantity == quantity);
+        if !request.wants(Quantity::Voltage)
+            || choices.get(Quantity::Voltage).is_some()
+            || has(Quantity::Voltage)
+            || !has(Quantity::Force)
+        {
+            return Ok(());
+        }
+        let is_free = |k: &usize| self.senses[*k].named.is_none() && chosen.iter().all(|column| column.index != *k);
+        match (0..self.titles.len()).filter(is_free).find(|k| self.has_unit(Quantity::Voltage, *k)) {
+            Some(index) => Err(format!(
+                "column {} may be the voltage, which drives the film, or the output of a sensor: {} (with a factor such as *1000 for \
+                 the monitor of an amplifier), or `columns` voltage=none if the force drives the film",
+                self.shown(index),
+                self.choice(Quantity::Voltage, index)
             )),
             None => Ok(()),
         }
