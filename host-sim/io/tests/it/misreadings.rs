@@ -153,6 +153,24 @@ fn units_are_read_with_their_case() {
     }
     refused("Time in 10 ms;HV (kV);Laser (mm)", &["\"Time in 10 ms\"", "not one of s, ms"]);
     refused("Time (s);HV in 100 V;Laser (mm)", &["\"HV in 100 V\"", "not one of V, kV"]);
+    // Compound units are not their last part.
+    let five = |s: &super::lab_files::Sample| vec![s.time_s, s.voltage_kv, 7.0 + s.time_s, s.laser_mm];
+    for compound in
+        ["E kV/mm", "E_kV/mm", "E kV per mm", "V/mm", "Strain mm/mm", "N/m", "Torque N m", "Counts/mm", "°C/m"]
+    {
+        let text = format!("Time (s);HV (kV);{compound};Laser (mm)\n{}", rows(";", '.', five));
+        assert_eq!(difference(&folder.read(&text, "").expect(compound)), None, "{compound}");
+        let text = format!("Time (s);HV (kV);{compound};Laser (V)\n{}", rows(";", '.', five));
+        has(&folder.refused(&text, ""), &["\"Laser (V)\"", "not one of m, cm, mm"]);
+    }
+    for rate in ["Speed mm/s", "Counts/s", "1/s", "N per s", "Flow_l/min"] {
+        let text = format!("No;HV (kV);{rate};Laser (mm)\n{}", rows(";", '.', five));
+        has(&folder.refused(&text, ""), &["no column time_s"]);
+    }
+    for (time, voltage, laser) in [("t/s", "V/kV", "s/mm"), ("Time/s", "U/kV", "CH 2/mm")] {
+        let text = format!("{time};{voltage};{laser}\n{numbers}");
+        assert_eq!(difference(&folder.read(&text, "").expect(laser)), None, "{laser}");
+    }
     // A torque is no displacement, and what hangs on the film is no weight of a row.
     for ignored in [
         "Sensor output (V)",

@@ -2,7 +2,8 @@
 
 use super::units::{self, Unit};
 use super::words::{
-    DEGREES, DERIVED, ELSEWHERE, LETTERS, OF_TWO_VOLTAGES, ORDERED, OTHER_WORDS, SIZES, TEMPERATURES, WORDS,
+    DEGREES, DERIVED, ELSEWHERE, LETTERS, OF_TWO_VOLTAGES, ORDERED, OTHER_UNITS, OTHER_WORDS, SIZES, TEMPERATURES,
+    WORDS,
 };
 use super::{Quantity, Request};
 
@@ -231,15 +232,23 @@ fn split(title: &str, request: &Request<'_>, capitals: bool) -> (String, UnitSen
         [] => {}
         _ => return (outside, UnitSense::Other),
     }
+    let outside = outside.replace(" per ", "/").replace(" pro ", "/");
     for separator in ["/", ",", " in ", "_", " "] {
         if let Some((name, unit)) = outside.trim().rsplit_once(separator) {
             let sense = sense_of(unit, capitals);
+            if let UnitSense::Known(unit) = sense
+                && is_compound(name, separator, unit)
+            {
+                return (name.into(), UnitSense::Other);
+            }
             // `Channel V` and `Force N` end in a unit, a name of one word does not, and in `Laser_min` it is not minutes.
             let fits = match (sense, quantity(name, request)) {
-                (UnitSense::Known(unit), named) if matches!(separator, "_" | " ") => named.map_or_else(
-                    || unit.quantity != Quantity::Time || is_numbered_time(name),
-                    |named| named.measure() == unit.quantity,
-                ),
+                (UnitSense::Known(unit), None) if matches!(separator, "/" | "_" | " ") => {
+                    unit.quantity != Quantity::Time || is_numbered_time(name)
+                }
+                (UnitSense::Known(unit), Some(named)) if matches!(separator, "_" | " ") => {
+                    named.measure() == unit.quantity
+                }
                 _ => true,
             };
             if !matches!(sense, UnitSense::Other | UnitSense::Missing) && !name.trim().is_empty() && fits {
@@ -253,6 +262,17 @@ fn split(title: &str, request: &Request<'_>, capitals: bool) -> (String, UnitSen
     }
     // Text in brackets is a unit that recordings do not have, such as (°C) or (Hz): no remark holds it back.
     (outside, if inside.is_empty() { UnitSense::Missing } else { UnitSense::Other })
+}
+
+/// Whether `unit` behind `name` and `separator` is the last part of another unit, as in `E kV/mm`, `Torque N m` and `Counts/mm`; the
+/// symbol of a quantity is in front of its own unit (`V/kV`), and s is a displacement as well (`s/mm`).
+fn is_compound(name: &str, separator: &str, unit: Unit) -> bool {
+    let last = name.trim_end().rsplit([' ', '_', '/', '·', '*']).next().unwrap_or_default();
+    let is_unit = match units::read(last, false) {
+        units::Read::Unit(first) => first.quantity != Quantity::Time && letter_quantity(last) != Some(unit.quantity),
+        _ => false,
+    };
+    is_unit || (separator == "/" && OTHER_UNITS.split(' ').any(|other| other == last.to_lowercase()))
 }
 
 /// Whether `name` has a word such as t, t2 or time1.

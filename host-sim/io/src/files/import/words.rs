@@ -32,6 +32,10 @@ pub(super) const TEMPERATURES: &str =
     "temperature temp temperatur température temperatura thermocouple pt100 ntc 温度 溫度 気温 室温";
 pub(super) const DEGREES: &str = "°C ℃ °F ℉ degC degF";
 
+/// Units and counts that are in front of a slash and the unit that they are divided by.
+pub(super) const OTHER_UNITS: &str =
+    "count counts cts digit digits pulse pulses step steps px pixel pixels cycles % ° °c k g kg a ma µa hz rad deg";
+
 /// Letters that name a quantity where they are all of a name.
 pub(super) const LETTERS: &[(Quantity, &str)] = &[
     (Quantity::Time, "t x_value"),
