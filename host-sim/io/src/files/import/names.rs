@@ -2,8 +2,8 @@
 
 use super::units::{self, Unit};
 use super::words::{
-    DEGREES, DERIVED, ELSEWHERE, LETTERS, OF_TWO_VOLTAGES, ORDERED, OTHER_UNITS, OTHER_WORDS, SIZES, TEMPERATURES,
-    WORDS,
+    DEGREES, DERIVED, DRIVEN, ELSEWHERE, LETTERS, OF_TWO_VOLTAGES, ORDERED, OTHER_UNITS, OTHER_WORDS, SIZES,
+    TEMPERATURES, WORDS,
 };
 use super::{Quantity, Request};
 
@@ -75,13 +75,15 @@ impl Doubt {
             Self::Ordered => "may be what was asked for, not what was measured",
             Self::Derived => "may be computed, not measured from moment to moment",
             Self::Size => "may be a size, which does not move",
-            Self::Elsewhere => "may be the voltage of the mains, a supply, a sensor or an input, not that of the film",
+            Self::Elsewhere => {
+                "may be a current, or the voltage of the mains, a supply, a sensor, a switch or an input, not that of the film"
+            }
             Self::Scaled => "has a factor in its name, which its numbers may have or not",
         }
     }
 
-    /// The doubt about a column of `quantity` with a `name` in a file of `request`.
-    fn about(name: &str, quantity: Option<Quantity>, request: &Request<'_>) -> Option<Self> {
+    /// The doubt about a column of `quantity` with a `name`, which is `base` without its unit, in a file of `request`.
+    fn about(name: &str, base: &str, quantity: Option<Quantity>, request: &Request<'_>) -> Option<Self> {
         let words = words(name);
         let says =
             |parts: &str| parts.split(' ').any(|part| is_within(part, name) || words.iter().any(|w| has(w, part)));
@@ -97,7 +99,10 @@ impl Doubt {
         if matches!(quantity, None | Some(Quantity::Displacement)) && says(SIZES) {
             return Some(Self::Size);
         }
-        if quantity == Some(Quantity::Voltage) && !request.wants(Quantity::Command) && says(ELSEWHERE) {
+        // On a film is not the end of a name, on or off is.
+        let is_switch = || self::words(base).last().is_some_and(|last| matches!(last.as_str(), "on" | "off"));
+        if quantity == Some(Quantity::Voltage) && !request.wants(Quantity::Command) && (says(ELSEWHERE) || is_switch())
+        {
             return Some(Self::Elsewhere);
         }
         is_scaled(name).then_some(Self::Scaled)
@@ -177,7 +182,7 @@ impl Title {
         Sense {
             named,
             unit: if is_clock { UnitSense::Clock } else { unit },
-            doubt: Doubt::about(&self.name, named, request),
+            doubt: Doubt::about(&self.name, &base, named, request),
             of_amplifier: named.is_none() && is_of_amplifier(&base),
         }
     }
@@ -196,12 +201,14 @@ pub(super) fn is_temperature(name: &str) -> bool {
     TEMPERATURES.split(' ').any(is_named) || DEGREES.split(' ').any(is_unit)
 }
 
-/// Whether `name` has a word for the command or the monitor of an amplifier, and none of its current. Any instrument has an output.
+/// Whether `name` has a word for an amplifier, its command or its monitor, or what it drives, and none for its current. Any instrument
+/// has an output.
 fn is_of_amplifier(name: &str) -> bool {
     let words = words(name);
     let is_word =
         |word: &str| words.iter().any(|other| other == word) && !matches!(word, "input" | "output" | "control");
-    let says = OF_TWO_VOLTAGES.iter().flat_map(|(_, candidates)| candidates.split(' ')).any(is_word);
+    let of_two = OF_TWO_VOLTAGES.iter().flat_map(|(_, candidates)| candidates.split(' '));
+    let says = of_two.chain(DRIVEN.split(' ')).any(is_word);
     says && !words.iter().any(|word| matches!(word.as_str(), "current" | "i" | "strom" | "courant"))
 }
 

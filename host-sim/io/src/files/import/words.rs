@@ -27,6 +27,9 @@ pub(super) const OF_TWO_VOLTAGES: &[(Quantity, &str)] = &[
     (Quantity::Voltage, "monitor mon vmon umon readback measured actual output ist istwert"),
 ];
 
+/// Words for amplifiers and for what they drive.
+pub(super) const DRIVEN: &str = "trek matsusada amplifier amp verstärker hochspannungsverstärker amplificateur amplificador film electrode elektrode dea actuator aktor";
+
 /// Words and units of temperatures.
 pub(super) const TEMPERATURES: &str =
     "temperature temp temperatur température temperatura thermocouple pt100 ntc 温度 溫度 気温 室温";
@@ -60,7 +63,8 @@ pub(super) const DERIVED: &str = "rms eff effekti efficac eficaz filter filtr sm
 /// Parts of words for what does not move.
 pub(super) const SIZES: &str =
     "thickness width length diameter wavelength dicke breite länge épaisseur largeur longueur 厚";
-/// Parts of words for voltages of the mains, of supplies, of sensors and of what controls an amplifier.
+/// Parts of words for voltages of the mains, of supplies, of sensors, of switches and of what controls an amplifier, and for currents.
 pub(super) const ELSEWHERE: &str = "mains line grid netz secteur netspanning rete battery batterie batterij batería heater heating heiz pump \
     cooler peltier aux auxiliary logic gate bridge shunt thermocouple photodiode sensor gauge pot input vin uin \
-    eingang entrée entrada ingresso steuer ai adc cc dd bus usb ups psu 5v 12v 24v 市电 電源 电源 控制 输入";
+    eingang entrée entrada ingresso steuer ai adc cc dd bus usb ups psu 5v 12v 24v enable disable status state \
+    switch relay current strom courant corrente corriente 电流 電流 市电 電源 电源 控制 输入";
