@@ -146,7 +146,9 @@ impl Imported {
                 .push("the drive is not 0 at --from: what the film remembers of the rows before is lost".to_owned());
         }
         let drop_outs = recording.drop_outs().map(|drop_outs| drop_outs.to_string());
-        warnings.extend(recording.implausible().iter().chain(&drop_outs).map(|text| with_flags(text)));
+        let response = recording.doubtful_response();
+        let remarks = recording.implausible().into_iter().chain(response).chain(drop_outs);
+        warnings.extend(remarks.map(|text| with_flags(&text)));
         Self {
             out: shown(out),
             rows: recording.time_s().len(),

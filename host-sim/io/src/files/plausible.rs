@@ -21,6 +21,9 @@ const MIN_DURATION_S: f64 = 0.1;
 /// Rows of the shortest recording that is judged so.
 const MIN_ROWS: usize = 50;
 
+/// Most columns that a remark lists.
+const MAX_SHOWN: usize = 8;
+
 impl Recording {
     /// Lists implausible values, one line each, with the unit that was likely meant.
     pub fn implausible(&self) -> Vec<String> {
@@ -80,6 +83,33 @@ impl Recording {
         }
         found.extend(self.implausible_times());
         found
+    }
+
+    /// The remark on a recording without a response while columns were ignored, or with a displacement that never changes.
+    pub fn doubtful_response(&self) -> Option<String> {
+        let columns = self.columns();
+        let values = |wanted: &str| columns.iter().find(|(name, _)| *name == wanted).map(|(_, values)| values);
+        let is_driven_by_voltage = values("voltage_v").is_some();
+        let Some(displacement) = values("displacement_m") else {
+            let ignored = self.ignored();
+            let has_response = is_driven_by_voltage && values("force_n").is_some();
+            return (!has_response && !ignored.is_empty()).then(|| {
+                let names: Vec<String> = ignored.iter().take(MAX_SHOWN).map(|name| format!("{name:?}")).collect();
+                let names = names.join(", ");
+                format!("no displacement was read; if it is one of {names}: `columns` displacement=NUMBER:mm")
+            });
+        };
+        // Relaxation is a displacement that is held.
+        let mut present = displacement.iter().filter(|value| !value.is_nan());
+        let first = present.next().filter(|_| is_driven_by_voltage)?;
+        let mut others = present.peekable();
+        (others.peek().is_some() && others.all(|value| value == first)).then(|| {
+            format!(
+                "the displacement is {} m in all rows: a size, such as a gap or a radius? Name the column of the displacement, as in \
+                 `columns` displacement=NUMBER:mm",
+                rounded(*first)
+            )
+        })
     }
 
     /// Rows too far apart, or too close, for a film that is driven.

@@ -242,6 +242,11 @@ impl Recording {
         self.understood.columns.iter().find(|column| column.quantity == quantity)
     }
 
+    /// Names of the columns of its file that are not used.
+    pub(super) fn ignored(&self) -> &[String] {
+        &self.understood.ignored
+    }
+
     /// Remarks on what was left out, counted or changed as the file was read.
     pub fn notes(&self) -> &[String] {
         &self.understood.notes

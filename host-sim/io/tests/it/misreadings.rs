@@ -333,6 +333,39 @@ fn what_is_left_out_is_noted() {
     );
 }
 
+/// A displacement that was ignored, or a size in its place, is not silent.
+#[test]
+fn a_response_that_is_missing_or_constant_is_reported() {
+    let folder = Folder::new();
+    for name in ["u (mm)", "u_mm", "u/mm", "v [mm]"] {
+        let text = format!("Time (s);HV (kV);{name}\n{}", rows(";", '.', usual));
+        let recording = folder.read(&text, "").expect("read");
+        assert_eq!(difference(&recording), None, "{name}");
+        assert_eq!(recording.doubtful_response(), None, "{name}");
+    }
+    let with_laser = format!(
+        "Time (s);HV (kV);u (mm);Laser (mm)\n{}",
+        rows(";", '.', |s| vec![s.time_s, s.voltage_kv, 7.0, s.laser_mm])
+    );
+    has(&folder.refused(with_laser, ""), &["2 columns may be the displacement"]);
+    // A displacement in letters of another encoding, or beside names of this tool.
+    let mut japanese = b"Time (s),HV (kV),\x95\xcf\x88\xca(\x83\xcam)\n".to_vec();
+    japanese.extend(rows(",", '.', usual).bytes());
+    let own = format!("time_s,voltage_kv,laser_mm\n{}", rows(",", '.', usual));
+    for (text, name) in [(japanese, ""), (own.into_bytes(), "\"laser_mm\"")] {
+        let remark = folder.read(text, "").expect("a drive").doubtful_response().expect("a remark");
+        has(&remark, &["no displacement was read", name, "`columns` displacement=NUMBER:mm"]);
+    }
+    let drive = format!("time_s,voltage_kv\n{}", rows(",", '.', |s| vec![s.time_s, s.voltage_kv]));
+    assert_eq!(folder.read(drive, "").expect("a drive").doubtful_response(), None);
+    let size = format!("Time (s);HV (kV);CH2 (mm)\n{}", rows(";", '.', |s| vec![s.time_s, s.voltage_kv, 0.5]));
+    let remark = folder.read(size, "").expect("read").doubtful_response().expect("a remark");
+    has(&remark, &["the displacement is 0.0005 m in all rows", "`columns` displacement=NUMBER:mm"]);
+    // Relaxation.
+    let held = "time_s,force_n,displacement_m\n0,1,1e-3\n1,0.8,1e-3\n2,0.7,1e-3\n";
+    assert_eq!(folder.read(held, "").expect("read").doubtful_response(), None);
+}
+
 /// Numbers that fit no film, with the unit that was likely meant; in files of this tool as in others.
 #[test]
 fn implausible_numbers_are_reported_with_the_likely_unit() {

@@ -177,7 +177,8 @@ impl Title {
             Some((below, UnitSense::Missing | UnitSense::Other)) => below,
             Some((_, own)) => own,
         };
-        let named = quantity(&base, request);
+        let known = if let UnitSense::Known(unit) = unit { Some(unit) } else { None };
+        let named = quantity_in(&base, known, request);
         let is_clock = self.clock && named.is_none_or(|named| named == Quantity::Time);
         Sense {
             named,
@@ -249,7 +250,8 @@ fn split(title: &str, request: &Request<'_>, capitals: bool) -> (String, UnitSen
                 return (name.into(), UnitSense::Other);
             }
             // `Channel V` and `Force N` end in a unit, a name of one word does not, and in `Laser_min` it is not minutes.
-            let fits = match (sense, quantity(name, request)) {
+            let known = if let UnitSense::Known(unit) = sense { Some(unit) } else { None };
+            let fits = match (sense, quantity_in(name, known, request)) {
                 (UnitSense::Known(unit), None) if matches!(separator, "/" | "_" | " ") => {
                     unit.quantity != Quantity::Time || is_numbered_time(name)
                 }
@@ -328,6 +330,12 @@ fn without_brackets(title: &str) -> (String, Vec<String>) {
 fn letter_quantity(name: &str) -> Option<Quantity> {
     let name = name.trim().to_lowercase();
     LETTERS.iter().find(|(_, letters)| letters.split(' ').any(|letter| letter == name)).map(|(quantity, _)| *quantity)
+}
+
+/// The quantity of a `name` with a `unit`: u and v in a unit of length are displacements in mechanics, so they name nothing.
+fn quantity_in(name: &str, unit: Option<Unit>, request: &Request<'_>) -> Option<Quantity> {
+    let is_length = unit.is_some_and(|unit| unit.quantity == Quantity::Displacement);
+    quantity(name, request).filter(|_| !is_length || letter_quantity(name) != Some(Quantity::Voltage))
 }
 
 /// The quantity that the words of `name` mean in a file of `request`.

@@ -61,8 +61,7 @@ pub(super) const DERIVED: &str = "rms eff effekti efficac eficaz filter filtr sm
     corrected offset zero tare ripple noise ac range scale gain amplitude envelope delta drift cumul squared \
     resolution auflösung uncertain unsicher initial 误差 誤差 平均 最大 最小 有效 実効 峰值";
 /// Parts of words for what does not move.
-pub(super) const SIZES: &str =
-    "thickness width length diameter wavelength dicke breite länge épaisseur largeur longueur 厚";
+pub(super) const SIZES: &str = "thickness width length diameter radius gap prestretch standoff x0 l0 wavelength dicke breite länge épaisseur largeur longueur 厚";
 /// Parts of words for voltages of the mains, of supplies, of sensors, of switches and of what controls an amplifier, and for currents.
 pub(super) const ELSEWHERE: &str = "mains line grid netz secteur netspanning rete battery batterie batterij batería heater heating heiz pump \
     cooler peltier aux auxiliary logic gate bridge shunt thermocouple photodiode sensor gauge pot input vin uin \
