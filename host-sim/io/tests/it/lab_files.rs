@@ -259,6 +259,21 @@ fn columns_are_chosen_by_name_number_unit_and_factor() {
     has(&folder.refused(&file, "voltage=Monitor"), &["\"Monitor\"", "HV mon"]);
     has(&folder.refused(&file, "time=Zeit"), &["Zeit", "no unit"]);
     has(&folder.refused(&file, "time=Zeit:s,voltage=2*1000"), &["Laser (V)", "not one of m", "displacement=3*0.001"]);
+    // What contradicts the header.
+    let plain = format!(
+        "Time (s);HV (kV);Laser_temp (°C);Weg (mm)\n{}",
+        rows(";", '.', |s| vec![s.time_s, s.voltage_kv, 20.0, s.laser_mm])
+    );
+    has(&folder.refused(&plain, "displacement=Laser:mm"), &["no column \"Laser\"", "3 \"Laser_temp (°C)\""]);
+    has(&folder.refused(&plain, "voltage=2,displacement=2:mm*1"), &["2 \"HV (kV)\" is both voltage and displacement"]);
+    has(&folder.refused(&plain, "voltage=4:kV"), &["4 \"Weg (mm)\"", "not one of V, kV or mV", "voltage=4:kV*1"]);
+    gives_the_samples(&folder.read(&plain, "time=time,voltage=hv,displacement=Weg").expect("named"), "without units");
+    let with_rate = |columns: &str| {
+        let hints = Hints { rate_hz: Some(8.0), choices: columns.parse().expect("columns"), ..Hints::default() };
+        Recording::read_with(&folder.file("film.txt", &plain), &hints).expect("read").notes().join("; ")
+    };
+    has(&with_rate("voltage=2"), &["the times in \"Time (s)\" are not used", "`rate_hz`"]);
+    assert_eq!(with_rate("time=none"), "");
     for (columns, word) in [
         ("volts=1", "not one of time, voltage"),
         ("voltage", "quantity=column"),

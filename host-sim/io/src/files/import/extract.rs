@@ -6,13 +6,12 @@ use std::io::Read;
 use std::path::Path;
 
 use super::mapping::{self, By, Chosen};
-use super::names::Title;
 use super::numbers::{self, Cell, Decimal};
 use super::series::{Series, Understood, UnderstoodColumn};
 use super::source::{Source, Value, si};
 use super::text::{Dialect, TextTable};
 use super::times::{Origin, Times};
-use super::{Hints, Quantity, Request, encoding, kind, mat, mat_hdf5, reshaped, workbook};
+use super::{Hints, Quantity, Request, encoding, kind, mat, mat_hdf5, names, reshaped, workbook};
 use crate::error::{Error, Result, shown};
 use crate::files::table::Column;
 use crate::terminal::rounded;
@@ -101,10 +100,9 @@ const MARK: char = '\u{feff}';
 /// Reads text; in each of the encodings that it may be in.
 fn text(path: &Path, bytes: &[u8], request: &Request<'_>, hints: &Hints) -> Result<Series> {
     let decoded = encoding::readings(bytes).map_err(|cause| Error::file(path, cause))?;
-    let is_time = |name: &str| Title::new(name).sense(request, false).named == Some(Quantity::Time);
     let texts: Vec<(String, Cow<'_, str>)> = decoded
         .iter()
-        .map(|decoded| match reshaped::transposed(&decoded.text, is_time) {
+        .map(|decoded| match reshaped::transposed(&decoded.text, names::is_time) {
             Some(turned) => (format!("text ({}) with rows for columns", decoded.encoding), turned.into()),
             None => (format!("text ({})", decoded.encoding), reshaped::unwrapped(&decoded.text)),
         })
@@ -340,6 +338,13 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
         notes.push(format!("{filled} empty cells of what drives the film are filled"));
     }
     notes.extend(row_apart(&series.clock_s));
+    if hints.rate_hz.is_some() && hints.choices.get(Quantity::Time).is_none() {
+        let is_unused = |index: &usize| titles[*index].increases && names::is_time(&titles[*index].name);
+        let unused = (0..titles.len()).filter(is_ignored).find(is_unused);
+        notes.extend(unused.map(|index| {
+            format!("the times in {:?} are not used: the rate of the rows is stated with `rate_hz`", titles[index].name)
+        }));
+    }
     series.understood.notes = notes;
     match series.clock_s.len() {
         rows @ (0 | 1) => Err(Error::file(path, format!("{rows} data rows; a recording needs at least 2"))),

@@ -4,7 +4,7 @@
 //! one; a plain voltage is not, because sensors give volts as well. Two columns that may be the same quantity are an error.
 
 use super::choice::{Choice, Choices, Column};
-use super::names::{Sense, Title, UnitSense};
+use super::names::{self, Sense, Title, UnitSense};
 use super::times::Origin;
 use super::units;
 use super::{Names, Quantity, Request};
@@ -106,6 +106,7 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices, times: Or
             chosen.extend(titles.chosen(choice)?);
         }
     }
+    titles.refuse_doubles(&chosen)?;
     let wanted = request.wanted.iter().map(|(quantity, _)| *quantity);
     let is_sought = |quantity: &Quantity| {
         choices.get(*quantity).is_none() && !(*quantity == Quantity::Time && times == Origin::Person)
@@ -166,6 +167,16 @@ impl Titles<'_> {
         };
         let known = match self.senses[index].unit {
             UnitSense::Known(unit) if unit.quantity == quantity.measure() => Some(unit),
+            UnitSense::Known(_) if choice.factor.is_none() => {
+                let (name, number) = (quantity.name(), index + 1);
+                let unit = choice.unit.map_or(quantity.example_unit(), |unit| unit.name);
+                return Err(format!(
+                    "`columns` {name}: column {} has a unit that is not one of {}; name another column, or state the factor, as in \
+                     {name}={number}:{unit}*1 if its numbers are in {unit}",
+                    self.shown(index),
+                    units::usual(quantity)
+                ));
+            }
             _ => None,
         };
         let unit = choice.unit.or(known);
@@ -191,10 +202,7 @@ impl Titles<'_> {
         let having = |test: &dyn Fn(&str) -> bool| -> Vec<usize> {
             (0..self.titles.len()).filter(|&k| test(&self.titles[k].name)).collect()
         };
-        let begins = |title: &str| {
-            let rest = title.to_lowercase();
-            rest.strip_prefix(&name.to_lowercase()).is_some_and(|rest| rest.starts_with([' ', '(', '[', '_', '/', ',']))
-        };
+        let begins = |title: &str| title.to_lowercase().strip_prefix(&name.to_lowercase()).is_some_and(names::is_unit);
         let found =
             [having(&|title| title == name), having(&|title| title.eq_ignore_ascii_case(name)), having(&begins)];
         match found.iter().find(|found| !found.is_empty()).map(Vec::as_slice) {
@@ -206,6 +214,23 @@ impl Titles<'_> {
                 self.shown(*second)
             )),
             _ => Err(format!("`columns`: no column {name:?}; there are {}", self.list())),
+        }
+    }
+
+    /// Refuses a column that was chosen twice.
+    fn refuse_doubles(&self, chosen: &[Chosen]) -> Result<(), String> {
+        let earlier = |(k, column): (usize, &Chosen)| {
+            let other = chosen[..k].iter().find(|other| other.index == column.index)?;
+            Some((other.quantity, column.quantity, column.index))
+        };
+        match chosen.iter().enumerate().find_map(earlier) {
+            Some((one, other, index)) => Err(format!(
+                "`columns`: column {} is both {} and {}; name another column for one of them",
+                self.shown(index),
+                one.name(),
+                other.name()
+            )),
+            None => Ok(()),
         }
     }
 

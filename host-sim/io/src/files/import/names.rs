@@ -213,6 +213,24 @@ fn is_of_amplifier(name: &str) -> bool {
     says && !words.iter().any(|word| matches!(word.as_str(), "current" | "i" | "strom" | "courant"))
 }
 
+/// Whether `end`, behind the name in a title, is its unit: in brackets, or one that is known here in any case of letters.
+pub(super) fn is_unit(end: &str) -> bool {
+    let (outside, inside) = without_brackets(end);
+    let unit = outside.trim().trim_start_matches(['_', '/', ',', ' ']);
+    let unit = unit.strip_prefix("in ").unwrap_or(unit);
+    if unit.is_empty() {
+        !inside.is_empty()
+    } else {
+        matches!(sense_of(unit, true), UnitSense::Known(_)) && unit != end
+    }
+}
+
+/// Whether the `name` of a column is that of a time.
+pub(super) fn is_time(name: &str) -> bool {
+    let request = Request { wanted: &[], needed: &[] };
+    Title::new(name).sense(&request, false).named == Some(Quantity::Time)
+}
+
 /// A cell of a row of units, with brackets or without.
 pub fn unit_cell(text: &str, capitals: bool) -> UnitSense {
     let bare = text.trim().trim_matches(['(', ')', '[', ']', '{', '}', '（', '）', '<', '>']);
