@@ -278,6 +278,26 @@ fn readings_out_of_range_are_missing_and_counted() {
     has(&folder.refused(text, ""), &["film.txt:2:", "\"broken\"", "not a number"]);
 }
 
+/// Rows of one time that belong to different channels are not averaged or spread; a remark in some of them is no channel.
+#[test]
+fn channels_in_rows_are_refused() {
+    let folder = Folder::new();
+    let mut text = "time_s,channel,value\n".to_owned();
+    for sample in super::lab_files::samples() {
+        write!(text, "{0},HV_kV,{1}\n{0},laser_mm,{2}\n", sample.time_s, sample.voltage_kv, sample.laser_mm)
+            .expect("written");
+    }
+    let path = folder.file("film.csv", &text);
+    for repeated in ["mean", "spread"] {
+        let hints = hints(&format!("columns=voltage=3:kV repeated={repeated}"));
+        let error = Recording::read_with(&path, &hints).expect_err("channels").to_string();
+        has(&error, &["film.csv:", "\"channel\" changes within the rows of one time", "HV_kV", "laser_mm"]);
+    }
+    let path = folder.file("film.csv", "Time (s);HV (kV);Note\n0;1;start\n0;3;ok\n1;4;ok\n1;6;ok\n2;5;\n2;7;ok\n");
+    let recording = Recording::read_with(&path, &hints("repeated=mean")).expect("read");
+    assert_eq!(recording.columns()[0].1, [2e3, 5e3, 6e3]);
+}
+
 /// A voltage that was logged in every fourth row.
 #[test]
 fn a_drive_that_is_logged_slowly_is_a_question() {

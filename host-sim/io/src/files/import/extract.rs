@@ -11,7 +11,7 @@ use super::series::{Series, Understood, UnderstoodColumn};
 use super::source::{Source, Value, si};
 use super::text::{Dialect, TextTable};
 use super::times::{Origin, Times};
-use super::{Hints, Quantity, Request, encoding, kind, mat, mat_hdf5, names, reshaped, workbook};
+use super::{Hints, Quantity, Request, channels, encoding, kind, mat, mat_hdf5, names, reshaped, workbook};
 use crate::error::{Error, Result, shown};
 use crate::files::table::Column;
 use crate::terminal::rounded;
@@ -264,6 +264,11 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     };
     let names: Vec<String> = chosen.iter().map(name).collect();
     refuse_ambiguous(source, &indices, &names).map_err(|(line, cause)| at(path, line, cause))?;
+    if let (Some(_), Some(Chosen { quantity: Quantity::Time, index, .. })) = (hints.repeated_times, chosen.first()) {
+        let others: Vec<usize> = (0..titles.len()).filter(|index| !indices.contains(index)).collect();
+        channels::refuse_names_in_rows(source, &titles, *index, &others)
+            .map_err(|(line, cause)| at(path, line, cause))?;
+    }
     let interval_s = hints.rate_hz.map(|rate_hz| 1.0 / rate_hz).or(source.head().and_then(|head| head.interval_s));
     let mut times = Times::new(interval_s, hints.repeated_times.is_some(), source.starts());
     let mut columns: Vec<Column> = names.iter().map(|name| Column::empty(name.clone())).collect();

@@ -3,6 +3,7 @@
 //!
 //! The interpretation is reported ([`Understood`]), and what may be read in two ways is an error that shows both.
 
+mod channels;
 mod choice;
 mod clock;
 mod cut_off;

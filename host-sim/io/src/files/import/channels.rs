@@ -1,0 +1,80 @@
+//! Files that have a row for each channel in place of a column: rows of one time are then not readings of one quantity.
+
+use super::clock;
+use super::names::Title;
+use super::source::{Source, Value};
+
+/// Texts of one column within the rows of one time.
+#[derive(Clone, Debug, Default)]
+struct Texts {
+    /// The first one of this time.
+    first: Option<String>,
+    /// Whether another one followed.
+    differs: bool,
+    /// Times at which another one followed.
+    times: usize,
+    /// Two texts of one time, for the error.
+    example: Option<[String; 2]>,
+}
+
+impl Texts {
+    fn begin(&mut self, text: Option<&str>) {
+        self.first = text.map(str::to_owned);
+        self.differs = false;
+    }
+
+    fn follow(&mut self, text: Option<&str>) {
+        if let (Some(first), Some(text), false) = (&self.first, text, self.differs)
+            && first != text
+        {
+            self.differs = true;
+            self.times += 1;
+            self.example.get_or_insert_with(|| [first.clone(), text.to_owned()]);
+        }
+    }
+}
+
+/// Refuses a text column at one of the `others` that changes within the rows of each time, which column `time` repeats.
+///
+/// # Errors
+///
+/// The column, two of its texts and what to do.
+pub fn refuse_names_in_rows(
+    source: &Source<'_>,
+    titles: &[Title],
+    time: usize,
+    others: &[usize],
+) -> Result<(), (u64, String)> {
+    if matches!(source, Source::Series(_)) {
+        return Ok(());
+    }
+    let indices: Vec<usize> = [time].into_iter().chain(others.iter().copied()).collect();
+    let mut columns = vec![Texts::default(); others.len()];
+    let (mut now, mut rows, mut repeated) = (String::new(), 0, 0);
+    source.each(&indices, |_, values| {
+        let key = format!("{:?}", values[0]);
+        rows = if key == now { rows + 1 } else { 1 };
+        repeated += usize::from(rows == 2);
+        now = key;
+        for (column, value) in columns.iter_mut().zip(&values[1..]) {
+            let text = match value {
+                Value::Text(text) if clock::stamp(text).is_none() => Some(*text),
+                _ => None,
+            };
+            if rows == 1 { column.begin(text) } else { column.follow(text) }
+        }
+        Ok(())
+    })?;
+    let is_name = |column: &Texts| repeated > 0 && column.times == repeated;
+    match columns.iter().zip(others).find(|(column, _)| is_name(column)) {
+        Some((Texts { example: Some([one, other]), .. }, &index)) => Err((
+            source.starts().first().copied().unwrap_or(0),
+            format!(
+                "{:?} changes within the rows of one time ({one:?}, {other:?}): it names the channel of its row; write each channel as a \
+                 column of its own",
+                titles[index].name
+            ),
+        )),
+        _ => Ok(()),
+    }
+}
