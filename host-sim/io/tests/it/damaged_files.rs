@@ -29,7 +29,7 @@ fn hostile_files_are_refused_with_their_cause() {
     has(&read(&fixture("archive.zip"), "").expect_err("no book").to_string(), &["ZIP", ".xlsx"]);
     has(&read(&fixture("lengths.mat"), "").expect_err("lengths").to_string(), &["24 numbers", "20"]);
     let single = format!(
-        "Sampling Period,0.125,\nWaveform Data,\n{}",
+        "Sampling Period (s),0.125,\nWaveform Data,\n{}",
         rows(",\n", '.', |s| vec![s.voltage_kv]).replace('\n', ",\n")
     );
     let recording = folder.read(single, "voltage=1:kV").expect("one column and the ends of its rows");

@@ -159,7 +159,7 @@ fn table<'a>(
 ) -> Result<(Source<'a>, Vec<Chosen>)> {
     let find = |dialect: &Dialect<'_>| TextTable::find(text, dialect).map_err(|(line, cause)| at(path, line, cause));
     // A single column is a table where the preamble states its rate.
-    let states_rate = |table: &TextTable<'_>| table.head.interval_s.is_some();
+    let states_rate = |table: &TextTable<'_>| table.head.interval.is_some();
     let table = find(dialect)
         .or_else(|error| find(&Dialect { single: true, ..*dialect }).ok().filter(states_rate).ok_or(error))?;
     let source = Source::Text(format.into(), table);
@@ -242,12 +242,36 @@ fn at(path: &Path, line: u64, cause: String) -> Error {
 
 fn map(path: &Path, source: &Source<'_>, request: &Request<'_>, hints: &Hints) -> Result<Vec<Chosen>> {
     let line = source.head().map_or(0, |head| head.line);
-    let times = match (hints.rate_hz, source.head().and_then(|head| head.interval_s)) {
+    let times = match (hints.rate_hz, source.head().and_then(|head| head.interval.as_ref())) {
         (Some(_), _) => Origin::Person,
         (None, Some(_)) => Origin::Preamble,
         (None, None) => Origin::Column,
     };
     mapping::map(&source.titles(), request, &hints.choices, times).map_err(|cause| at(path, line, cause))
+}
+
+/// The interval of the rows, s, where a person or the preamble states it.
+///
+/// # Errors
+///
+/// The line and the cause where it is needed and not certain.
+fn interval_s(
+    source: &Source<'_>,
+    chosen: &[Chosen],
+    hints: &Hints,
+) -> std::result::Result<Option<f64>, (u64, String)> {
+    if let Some(rate_hz) = hints.rate_hz {
+        return Ok(Some(1.0 / rate_hz));
+    }
+    let Some(stated) = source.head().and_then(|head| head.interval.clone()) else { return Ok(None) };
+    match (stated, chosen.iter().find(|column| column.quantity == Quantity::Time)) {
+        (Ok(interval_s), _) => Ok(Some(interval_s)),
+        (Err((line, cause)), None) => Err((line, cause)),
+        (Err((line, cause)), Some(time)) if time.by == By::Preamble => {
+            Err((line, format!("{cause}, or state the unit of the times with `columns` time={}:s", time.index + 1)))
+        }
+        (Err(_), Some(_)) => Ok(None),
+    }
 }
 
 /// The `chosen` columns in SI units.
@@ -269,7 +293,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
         channels::refuse_names_in_rows(source, &titles, *index, &others)
             .map_err(|(line, cause)| at(path, line, cause))?;
     }
-    let interval_s = hints.rate_hz.map(|rate_hz| 1.0 / rate_hz).or(source.head().and_then(|head| head.interval_s));
+    let interval_s = interval_s(source, &chosen, hints).map_err(|(line, cause)| at(path, line, cause))?;
     let mut times = Times::new(interval_s, hints.repeated_times.is_some(), source.starts());
     let mut columns: Vec<Column> = names.iter().map(|name| Column::empty(name.clone())).collect();
     let mut out_of_range = vec![0; chosen.len()];

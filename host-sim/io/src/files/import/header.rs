@@ -1,6 +1,6 @@
 //! The header above rows of numbers: preamble, names, units.
 
-use super::Quantity;
+use super::interval::{self, Stated};
 use super::names::{Title, UnitSense, unit_cell};
 use super::numbers::{self, Cell, Decimal};
 
@@ -24,8 +24,8 @@ pub struct Head {
     pub line: u64,
     /// Rows above the names.
     pub preamble: usize,
-    /// Interval of the rows that the preamble states, s.
-    pub interval_s: Option<f64>,
+    /// Interval of the rows that the preamble states.
+    pub interval: Option<Stated>,
     /// Line of a row between names and numbers that has gains or the like, which are not applied.
     pub gains: Option<u64>,
 }
@@ -49,8 +49,6 @@ impl Head {
 enum Key {
     Names,
     Units,
-    Interval,
-    Rate,
     Gains,
 }
 
@@ -61,17 +59,6 @@ const KEYS: &[(Key, &str)] = &[
         "tracename, trace name, channelname, channel name, channel names, channeltitle, channel title, signal name",
     ),
     (Key::Units, "vunit, v unit, y unit label, y unit, y units, unit, units, unitname, unit name, einheit, einheiten"),
-    (
-        Key::Interval,
-        "delta x, sample interval, sampling interval, sample period, sampling period, sampling time, sampling cycle, \
-         storage cycle, hresolution, h resolution, x increment, xincrement, xinc, tinc, time increment, time step, \
-         increment, interval, abtastintervall, abtastzeit, wf increment, delta t, dt",
-    ),
-    (
-        Key::Rate,
-        "samplerate, sample rate, sampling rate, sampling frequency, sample frequency, samples per second, abtastrate, \
-         abtastfrequenz, scan rate, data rate, acquisition rate",
-    ),
     (
         Key::Gains,
         "gain, gains, scale, scales, scaling, scale factor, factor, factors, faktor, skalierung, verstärkung, \
@@ -94,7 +81,7 @@ fn key(cell: &str) -> Option<Key> {
 pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Head, (u64, String)> {
     let rows: Vec<&TopRow> = above.iter().filter(|row| !row.comment || forced == Some(row.line)).collect();
     let with_key = |wanted: Key| rows.iter().rev().find(|row| key(&row.cells[0]) == Some(wanted)).copied();
-    let mut head = Head { interval_s: one_interval(above), ..Head::default() };
+    let mut head = Head::default();
     let (mut units, mut odd) = (None, None);
     let mut names = None;
     for (index, row) in rows.iter().enumerate().rev() {
@@ -113,6 +100,7 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
             || filled == 0
             || (filled == 1 && columns > 1)
             || key.is_some_and(|key| is_numeric || matches!(key, Key::Units | Key::Names))
+            || (is_numeric && interval::is_named(&row.cells[0]))
         {
             // No names.
         } else if is_numeric {
@@ -167,15 +155,13 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
         })
         .collect();
     // Oscilloscopes put start and increment behind the names, and their values in the row of units.
-    if head.interval_s.is_none() {
-        head.interval_s = scope_interval(row, units);
-    }
+    head.interval = interval::of_scope(&row.cells, units.map(|units| units.cells.as_slice())).map(Ok);
     let is_setting = |title: &Title| {
         let name = title.name.to_lowercase();
         matches!(name.as_str(), "start" | "increment")
             || name.split_once('=').is_some_and(|(name, _)| matches!(name.trim(), "t0" | "tinc"))
     };
-    if head.interval_s.is_some() {
+    if head.interval.is_some() {
         for title in head.titles.iter_mut().filter(|title| is_setting(title)) {
             *title = Title::default();
         }
@@ -194,65 +180,6 @@ fn commented(above: &[TopRow], columns: usize, head: &Head) -> Option<Head> {
     let row = above.iter().rfind(|row| row.comment).filter(|row| row.cells.len() == columns)?;
     let titles = row.cells.iter().map(|name| Title::new(name.trim())).collect();
     Some(Head { titles, line: row.line, preamble: 0, ..head.clone() })
-}
-
-/// The interval that all of `rows` state which state one.
-fn one_interval(rows: &[TopRow]) -> Option<f64> {
-    let mut stated = rows.iter().filter_map(interval);
-    let first = stated.next()?;
-    stated.all(|other| (other / first - 1.0).abs() < 0.01).then_some(first)
-}
-
-/// The interval that `row` states, for all channels: `Delta_X;0.001`, `Sample rate (kHz): 2`, `SampleRate,1000`.
-fn interval(row: &TopRow) -> Option<f64> {
-    let first = row.cells.first()?;
-    let key = key(first).filter(|key| matches!(key, Key::Interval | Key::Rate))?;
-    let (name, inline) = first.split_once([':', '=']).unwrap_or((first, ""));
-    let rest = row.cells[1..].iter().map(|cell| cell.trim()).filter(|cell| !cell.is_empty());
-    let mut parts = std::iter::once(inline.trim()).filter(|part| !part.is_empty()).chain(rest);
-    let value = parts.next()?;
-    if parts.clone().any(|other| is_number(other) && other != value) {
-        return None;
-    }
-    // 50 ms, or 50ms; the letter of an exponent is followed by a number.
-    let is_unit = |(at, c): &(usize, char)| {
-        c.is_alphabetic()
-            && !(matches!(c, 'e' | 'E') && value[at + 1..].starts_with(|c: char| "+-0123456789".contains(c)))
-    };
-    let (number, unit) = value.split_at(value.char_indices().find(is_unit).map_or(value.len(), |(at, _)| at));
-    let number = number.trim();
-    let number = [Decimal::Point, Decimal::Comma].into_iter().find_map(|decimal| numbers::number(number, decimal))?;
-    let bracketed = name.split_once(['(', '[']).map_or("", |(_, unit)| unit.trim_end_matches([')', ']', ' ']));
-    let unit = [unit.trim(), bracketed].into_iter().find(|unit| !unit.is_empty()).or(parts.next()).unwrap_or("");
-    let positive = |value: f64| (value > 0.0 && value.is_finite()).then_some(value);
-    if key == Key::Interval {
-        return match unit_cell(unit, false) {
-            UnitSense::Known(unit) if unit.quantity == Quantity::Time => positive(number * unit.factor),
-            // The same again, for the next channel.
-            _ if unit.is_empty() || is_number(unit) => positive(number),
-            _ => None,
-        };
-    }
-    let lower = unit.to_lowercase();
-    let factor = match lower.trim_end_matches("a/s").trim_end_matches("/s").trim_end_matches("hz") {
-        "" | "s" | "1" | "samples" => 1.0,
-        "k" | "ks" => 1e3,
-        "m" | "ms" if unit.starts_with('M') => 1e6,
-        other if is_number(other) => 1.0,
-        _ => return None,
-    };
-    positive(number * factor).map(|rate_hz| 1.0 / rate_hz)
-}
-
-/// The interval behind the names of an oscilloscope: `Start,Increment` with values below, or `tInc = 1e-5`.
-fn scope_interval(names: &TopRow, units: Option<&TopRow>) -> Option<f64> {
-    let number = |text: &str| numbers::number(text.trim(), Decimal::Point).filter(|value| *value > 0.0);
-    names.cells.iter().enumerate().find_map(|(index, name)| match name.trim().to_lowercase().as_str() {
-        "increment" => number(units?.cells.get(index)?),
-        name => name
-            .strip_prefix("tinc")
-            .and_then(|rest| number(rest.trim_start().strip_prefix('=')?.trim_end_matches('s'))),
-    })
 }
 
 /// Whether `row` has nothing but units and empty cells, and at least two units where there are two columns. An oscilloscope's has settings too.

@@ -11,6 +11,7 @@ mod edit;
 mod encoding;
 mod extract;
 mod header;
+mod interval;
 mod kind;
 mod lines;
 mod mapping;

@@ -176,6 +176,11 @@ impl Signs {
         *slot += 1;
     }
 
+    /// Whether a number has any sign.
+    pub fn has_signs(self) -> bool {
+        self != Self { plain: self.plain, ..Self::default() }
+    }
+
     /// The same of two.
     pub fn and(self, other: Self) -> Self {
         Self {

@@ -3,6 +3,7 @@
 use super::clock;
 use super::cut_off;
 use super::header::{self, Head, TopRow};
+use super::interval;
 use super::lines::{Line, is_comment, lines};
 use super::names::Title;
 use super::numbers::{self, Cell, Decimal, Signs};
@@ -214,6 +215,13 @@ impl<'a> TextTable<'a> {
             None => column.is_ambiguous(decimal),
         };
         let ambiguous = signs.iter().enumerate().map(is_ambiguous).collect();
+        if head.interval.is_none() {
+            let is_name = |row: &&TopRow| row.line == head.line;
+            let above: Vec<(u64, &[String])> =
+                above.iter().filter(|row| !is_name(row)).map(|row| (row.line, row.cells.as_slice())).collect();
+            // Whole numbers do not show the decimal sign of the file.
+            head.interval = interval::stated(&above, known.or(decimal.filter(|_| all.has_signs())));
+        }
         let mut table = Self {
             head,
             separator,
@@ -405,8 +413,14 @@ fn header_cells(text: &str, separator: Separator, columns: usize) -> Vec<String>
             return merged;
         }
     }
-    let other =
-        Separator::ALL.iter().map(|other| other.split(text)).find(|cells| cells.len() == columns && columns > 1);
+    // `Rate: 0,5 Hz` is one cell.
+    let is_decimal = |(at, _): (usize, &str)| {
+        let is_digit = |c: char| c.is_ascii_digit();
+        text[..at].ends_with(is_digit) && text[at + 1..].starts_with(is_digit)
+    };
+    let may_separate = |other: &&Separator| **other != Separator::Comma || !text.match_indices(',').any(is_decimal);
+    let mut others = Separator::ALL.iter().filter(may_separate).map(|other| other.split(text));
+    let other = others.find(|cells| cells.len() == columns && columns > 1);
     match other {
         Some(other) if cells.len() == 1 => owned(other),
         _ => owned(cells),

@@ -1,0 +1,263 @@
+//! Interval of the rows, where the lines above them state it.
+//!
+//! Every line that may concern it counts: a rate of the sensor, an averaging or a step of the drive beside it is a question.
+
+use super::Quantity;
+use super::names::{UnitSense, unit_cell};
+use super::numbers::{self, Decimal};
+use super::units::Unit;
+use crate::terminal::rounded;
+
+/// The interval, s, or the line and the cause where it is not certain.
+pub type Stated = Result<f64, (u64, String)>;
+
+/// Names of an interval of the rows, in small letters, with blanks for underlines, and commas between them.
+const INTERVALS: &str = "delta x, sample interval, sampling interval, sample period, sampling period, sampling time, sampling cycle, \
+    storage cycle, hresolution, h resolution, x increment, xincrement, xinc, tinc, time increment, interval, abtastintervall, \
+    abtastzeit, wf increment, delta t, dt";
+/// Names of a rate of the rows.
+const RATES: &str = "samplerate, sample rate, sampling rate, sampling frequency, sample frequency, samples per second, abtastrate, \
+    abtastfrequenz, scan rate, data rate, acquisition rate";
+/// Names of an interval or a rate that may be that of the rows, or of the drive's steps.
+const OTHERS: &str = "time step, increment, step time, logging rate, logging interval, log rate, log interval, recording rate, \
+    recording interval, storage rate, storage interval, save rate, save interval, output rate, output interval, messrate, \
+    messintervall, speicherrate, speicherintervall";
+/// Parts of names of a number of samples that are one row.
+const EVERY: &str = "decimat downsampl undersampl oversampl averag every divider dezim mittel teiler moyenn";
+/// Units of such a number.
+const COUNTS: &str = "x × times time samples sample points scans cycles rows mal fach";
+/// Names of the unit of the intervals that have none.
+const UNITS: &str =
+    "horizontal units, hunit, h unit, x unit, x units, x unit label, x dimension, time unit, time units, zeiteinheit";
+
+#[derive(Clone, Copy, PartialEq)]
+enum Key {
+    Interval,
+    Rate,
+    Other,
+    Every,
+}
+
+fn is_one_of(names: &str, name: &str) -> bool {
+    names.split(", ").any(|known| known == name)
+}
+
+fn key(name: &str) -> Option<Key> {
+    // `actual sample rate` may be that of a sensor.
+    let ends_in = |known: &str| known.len() > 8 && name.strip_suffix(known).is_some_and(|rest| rest.ends_with(' '));
+    if is_one_of(INTERVALS, name) {
+        Some(Key::Interval)
+    } else if is_one_of(RATES, name) {
+        Some(Key::Rate)
+    } else if is_one_of(OTHERS, name) || [INTERVALS, RATES].iter().any(|names| names.split(", ").any(ends_in)) {
+        Some(Key::Other)
+    } else {
+        EVERY.split(' ').any(|part| name.contains(part)).then_some(Key::Every)
+    }
+}
+
+/// The name in the first cell of a row, as the lists above have it, and the text behind it: `Sample_rate (Hz): 8`, `dt = 5 ms`, `Rate 8 Hz`.
+fn name_and_rest(cell: &str) -> (String, &str) {
+    let digit =
+        cell.char_indices().skip(1).find(|(at, c)| c.is_ascii_digit() && cell[..*at].ends_with([' ', '\t', 'x']));
+    let end = [cell.find([':', '=']), digit.map(|(at, _)| cell[..at].trim_end_matches('x').len())];
+    let end = end.into_iter().flatten().min().unwrap_or(cell.len());
+    let name = cell[..end].split(['(', '[']).next().unwrap_or_default();
+    (name.replace('_', " ").trim().to_lowercase(), cell[end..].trim_start_matches([':', '=', ' ', '\t']).trim_end())
+}
+
+/// Whether a row whose first cell is `cell` states an interval or a rate.
+pub fn is_named(cell: &str) -> bool {
+    matches!(key(&name_and_rest(cell).0), Some(Key::Interval | Key::Rate))
+}
+
+/// Statement of a row.
+struct Statement<'a> {
+    line: u64,
+    cells: &'a [String],
+    meaning: Meaning,
+}
+
+enum Meaning {
+    /// Interval of the rows, s.
+    Rows(f64),
+    /// Interval that may be another, s.
+    Other(f64),
+    /// Number of samples that are one row.
+    Every(f64),
+    /// Intervals that it may be, s, and why it is not one of them.
+    Unclear(&'static str, Vec<f64>),
+}
+
+/// The interval that `rows`, their lines and cells, state in a file with this `decimal` sign, if it is known.
+pub fn stated(rows: &[(u64, &[String])], decimal: Option<Decimal>) -> Option<Stated> {
+    let unit = rows.iter().find_map(|(_, cells)| common_unit(cells));
+    let statements: Vec<Statement<'_>> = rows
+        .iter()
+        .filter_map(|&(line, cells)| Some(Statement { line, cells, meaning: meaning(cells, decimal, unit)? }))
+        .collect();
+    let mut possible: Vec<f64> = Vec::new();
+    let mut add = |interval_s: f64| {
+        if interval_s.is_finite() && possible.iter().all(|other| (other / interval_s - 1.0).abs() > 0.01) {
+            possible.push(interval_s);
+        }
+    };
+    for statement in &statements {
+        match &statement.meaning {
+            Meaning::Rows(interval_s) | Meaning::Other(interval_s) => add(*interval_s),
+            Meaning::Unclear(_, intervals_s) => intervals_s.iter().for_each(|interval_s| add(*interval_s)),
+            Meaning::Every(_) => {}
+        }
+    }
+    let is_every = |statement: &&Statement<'_>| matches!(statement.meaning, Meaning::Every(_));
+    let first = statements.iter().find(|statement| !is_every(statement))?;
+    let is_unclear = statements.iter().any(|s| matches!(s.meaning, Meaning::Unclear(..) | Meaning::Every(_)));
+    let is_of_rows = statements.iter().any(|s| matches!(s.meaning, Meaning::Rows(_)));
+    if let ([interval_s], true, false) = (possible.as_slice(), is_of_rows, is_unclear) {
+        return Some(Ok(*interval_s));
+    }
+    for count in
+        statements.iter().filter_map(|s| if let Meaning::Every(count) = s.meaning { Some(count) } else { None })
+    {
+        possible.extend(possible.clone().iter().map(|interval_s| interval_s * count));
+    }
+    let shown: Vec<String> = statements.iter().take(3).map(Statement::shown).collect();
+    let rates: Vec<String> =
+        possible.iter().take(4).map(|interval_s| format!("`rate_hz` {}", rounded(1.0 / interval_s))).collect();
+    let rates = if rates.is_empty() { "`rate_hz`".into() } else { rates.join(" or ") };
+    let cause = format!("the rate of the rows is not certain from {}; import with {rates}", shown.join(" and "));
+    Some(Err((first.line, cause)))
+}
+
+impl Statement<'_> {
+    fn shown(&self) -> String {
+        let text: String = self.cells.join(" ").trim().chars().take(40).collect();
+        match self.meaning {
+            Meaning::Unclear(why, _) => format!("{text:?} ({why})"),
+            _ => format!("{text:?}"),
+        }
+    }
+}
+
+/// The unit that the row `cells` states for the intervals.
+fn common_unit(cells: &[String]) -> Option<Unit> {
+    let (name, rest) = name_and_rest(cells.first()?);
+    let unit = [rest].into_iter().chain(cells[1..].iter().map(|cell| cell.trim())).find(|cell| !cell.is_empty())?;
+    if !is_one_of(UNITS, &name) {
+        return None;
+    }
+    // LabVIEW has seconds where the dimension is time.
+    time_unit(if unit.eq_ignore_ascii_case("time") { "s" } else { unit })
+}
+
+fn time_unit(text: &str) -> Option<Unit> {
+    match unit_cell(text, false) {
+        UnitSense::Known(unit) if unit.quantity == Quantity::Time => Some(unit),
+        _ => None,
+    }
+}
+
+/// Hertz of a unit of rates.
+fn hertz(unit: &str) -> Option<f64> {
+    const ENDS: [&str; 11] = [
+        "hz",
+        "samples per second",
+        "samples/sec",
+        "samples/s",
+        "scans/s",
+        "sps",
+        "sa/s",
+        "s/s",
+        "1/s",
+        "/s",
+        "per second",
+    ];
+    let lower = unit.to_lowercase();
+    match ENDS.iter().find_map(|end| lower.strip_suffix(end))?.trim() {
+        "" => Some(1.0),
+        "k" => Some(1e3),
+        "m" if unit.starts_with('M') => Some(1e6),
+        _ => None,
+    }
+}
+
+/// The meaning of the row `cells` for the interval: `Delta_X;0.001`, `Sample rate (kHz): 2`, `SampleRate,1000`, `Averaging,10`. An interval
+/// without a unit is in `common`.
+fn meaning(cells: &[String], decimal: Option<Decimal>, common: Option<Unit>) -> Option<Meaning> {
+    let first = cells.first()?;
+    let (name, inline) = name_and_rest(first);
+    let key = key(&name)?;
+    let rest = cells[1..].iter().map(|cell| cell.trim());
+    let mut parts = [inline].into_iter().chain(rest).filter(|part| !part.is_empty());
+    let value = parts.next()?;
+    let has_digit = |text: &str| text.contains(|c: char| c.is_ascii_digit());
+    let each = parts.clone().any(|other| has_digit(other) && other != value);
+    if key == Key::Every && (each || !has_digit(value)) {
+        return None;
+    }
+    // 50 ms, or 50ms; the letter of an exponent is followed by a number.
+    let is_unit = |(at, c): &(usize, char)| {
+        c.is_alphabetic()
+            && !(matches!(c, 'e' | 'E') && value[at + 1..].starts_with(|c: char| "+-0123456789".contains(c)))
+    };
+    let times = value.trim_start_matches(['x', 'X', '×']);
+    let (number, unit) = match times.len() == value.len() {
+        true => value.split_at(value.char_indices().find(is_unit).map_or(value.len(), |(at, _)| at)),
+        false => (times, "x"),
+    };
+    let bracketed = first.split_once(['(', '[']).and_then(|(_, rest)| rest.split([')', ']']).next()).unwrap_or("");
+    let behind = parts.clone().next().filter(|part| !has_digit(part));
+    let unit = [unit.trim(), bracketed.trim()].into_iter().find(|unit| !unit.is_empty()).or(behind).unwrap_or("");
+    let read = |decimal: Decimal| numbers::number(number.trim(), decimal).filter(|value| *value > 0.0);
+    let numbers = match decimal {
+        Some(decimal) => vec![read(decimal).or_else(|| read(decimal.other()))],
+        None => vec![read(Decimal::Point), read(Decimal::Comma)],
+    };
+    let mut numbers: Vec<f64> = numbers.into_iter().flatten().collect();
+    numbers.dedup();
+    if each {
+        let others: Option<Vec<f64>> =
+            parts.map(|part| numbers::number(part, decimal.unwrap_or(Decimal::Point))).collect();
+        numbers = others.map_or_else(Vec::new, |others| [numbers, others].concat());
+    }
+    let is_count = COUNTS.split(' ').any(|count| unit.eq_ignore_ascii_case(count));
+    let time = time_unit(unit);
+    let in_seconds = |number: f64| match (time, hertz(unit)) {
+        (Some(unit), _) => Some(number * unit.factor),
+        (None, Some(hertz)) => Some(1.0 / (number * hertz)),
+        (None, None) if !unit.is_empty() => None,
+        _ if key == Key::Rate => Some(1.0 / number),
+        _ => common.map(|unit| number * unit.factor),
+    };
+    let intervals: Option<Vec<f64>> = numbers.iter().map(|number| in_seconds(*number)).collect();
+    Some(match (numbers.as_slice(), intervals) {
+        ([one], _) if is_count || (key == Key::Every && time.is_none()) => match *one {
+            1.0 => return None,
+            count => Meaning::Every(count),
+        },
+        // A step of a drive.
+        _ if matches!(unit_cell(unit, false), UnitSense::Known(unit) if unit.quantity != Quantity::Time) => {
+            return None;
+        }
+        ([_], Some(intervals)) if !each => match key {
+            Key::Interval | Key::Rate => Meaning::Rows(intervals[0]),
+            Key::Other | Key::Every => Meaning::Other(intervals[0]),
+        },
+        (_, Some(intervals)) if each => Meaning::Unclear("several numbers", intervals),
+        ([], _) => Meaning::Unclear("which cannot be read", Vec::new()),
+        (_, Some(intervals)) => Meaning::Unclear("thousands or a decimal sign", intervals),
+        ([one], None) if unit.is_empty() => Meaning::Unclear("without a unit", vec![*one, one * 1e-3]),
+        _ => Meaning::Unclear("with an unknown unit", Vec::new()),
+    })
+}
+
+/// The interval in the header of an oscilloscope: `Start,Increment` with values in the row of `units`, or `tInc = 1e-5`.
+pub fn of_scope(names: &[String], units: Option<&[String]>) -> Option<f64> {
+    let number = |text: &str| numbers::number(text.trim(), Decimal::Point).filter(|value| *value > 0.0);
+    names.iter().enumerate().find_map(|(index, name)| match name.trim().to_lowercase().as_str() {
+        "increment" => number(units?.get(index)?),
+        name => name
+            .strip_prefix("tinc")
+            .and_then(|rest| number(rest.trim_start().strip_prefix('=')?.trim_end_matches('s'))),
+    })
+}

@@ -1,0 +1,76 @@
+//! Rows without a column of times: their rate is what the preamble states beyond doubt, or a question.
+
+use host_io::files::recording::Recording;
+
+use super::instruments::hints;
+use super::lab_files::{Folder, difference, has, rows};
+
+/// The rows of the samples, at 8 Hz, below a `preamble` and names.
+fn file(preamble: &str, separator: &str, decimal: char) -> String {
+    let names = ["HV (kV)", "Laser (mm)"].join(separator);
+    format!("{preamble}\n{names}\n{}", rows(separator, decimal, |s| vec![s.voltage_kv, s.laser_mm]))
+}
+
+/// Preambles with the rates that their question offers.
+#[test]
+fn a_rate_that_is_not_certain_is_a_question() {
+    let folder = Folder::new();
+    let cases = [
+        ("Sampling cycle,25 ms\nStorage cycle,5 times", " 40", "8"),
+        ("Sampling cycle,25 ms\nStorage cycle,x5", " 40", "8"),
+        ("Sample rate: 40 Hz\nDecimation: 5", " 40", "8"),
+        ("Sample rate: 40 Hz\nSave every: 5 samples", " 40", "8"),
+        ("Sample rate: 40 Hz\nSave every 5th sample", " 40", "8"),
+        ("Sample rate: 40 Hz\nAveraging,5", " 40", "8"),
+        ("Sample rate: 40 Hz\nLogging interval: 125 ms", " 40", "8"),
+        ("Sample rate: 10 Hz\nActual sample rate: 8 Hz", " 10", "8"),
+        ("Sample rate: 10 Hz\nSampling interval,125 parts", " 10", "unknown unit"),
+        ("SampleRate,8,80", " 8", "80"),
+        ("SampleRate,8 Hz,80 Hz", "", "several numbers"),
+        ("Sampling period: 0.125", " 8", "8000"),
+        ("dt,0.125", " 8", "without a unit"),
+        ("Time step: 0.125 s\nSteps: 12", " 8", "not certain"),
+        ("Increment: 0.125", " 8", "without a unit"),
+        ("Sampling rate: 8 Hz (actual 7.5 Hz)", "", "unknown unit"),
+        ("Sampling rate: 1,000 Hz", "", "several numbers"),
+    ];
+    for (preamble, rate, other) in cases {
+        let text = file(preamble, ",", '.');
+        let error = folder.refused(&text, "");
+        has(&error, &["film.txt:1:", "the rate of the rows is not certain", &format!("`rate_hz`{rate}"), other]);
+        let read = Recording::read_with(&folder.file("film.txt", text), &hints("rate=8")).expect(preamble);
+        assert_eq!(difference(&read), None, "{preamble}");
+    }
+    // Whole numbers do not show whether the point separates thousands.
+    let whole = "Abtastrate: 1.000 Hz\nHV (V);Laser (µm)\n1;2\n3;4\n5;6\n";
+    has(&folder.refused(whole, ""), &["`rate_hz` 1 or `rate_hz` 1000"]);
+}
+
+#[test]
+fn a_rate_that_is_certain_is_read() {
+    let folder = Folder::new();
+    let cases = [
+        ("Sample rate: 8 Hz", ';', '.'),
+        ("Sample rate: 8 Hz\nDecimation: 1\nAveraging: off", ';', '.'),
+        ("Sample rate: 8 Hz\nSampling interval: 0.125 s\nActual sample rate: 8.00 Hz\nIncrement: 0.1 kV", ';', '.'),
+        ("Sampling rate: 0.125 s", ';', '.'),
+        ("Sample Rate,0.125,s", ',', '.'),
+        ("Sample Interval,0.125\nHorizontal Units,s", ',', '.'),
+        ("Abtastrate: 0,008 kHz", ';', ','),
+        ("Abtastintervall;125,000;ms", ';', ','),
+        ("Abtastintervall: 125.000 µs", ';', ','),
+        ("Sampling interval: 125,000 µs", ';', '.'),
+        ("# Sample rate 8 samples/s", ';', '.'),
+    ];
+    for (preamble, separator, decimal) in cases {
+        let read = folder.read(file(preamble, &separator.to_string(), decimal), "");
+        let recording = read.unwrap_or_else(|error| panic!("{preamble}: {error}"));
+        assert_eq!(difference(&recording), None, "{preamble}");
+    }
+    // A column of times with a unit leaves no question.
+    let timed = format!(
+        "Time step: 3 s\nDecimation: 5\nTime (s),HV (kV),Laser (mm)\n{}",
+        rows(",", '.', super::lab_files::usual)
+    );
+    assert_eq!(difference(&folder.read(timed, "").expect("times")), None);
+}
