@@ -92,7 +92,7 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
             names = Some(index);
             break;
         }
-        if units.is_none() && is_units(row, columns) {
+        if units.is_none() && is_units(row, &rows[..index], columns) {
             units = Some((index, *row));
         } else if key == Some(Key::Gains) && is_numeric {
             head.gains = Some(row.line);
@@ -118,12 +118,17 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
         names = rows.iter().position(|other| other.line == row.line);
         (odd, head.gains) = (None, None);
     }
+    if names.is_none()
+        && let Some(uncommented) = uncommented(above, units.map(|(_, row)| row.line), columns)
+    {
+        return Ok(Head { preamble: 0, ..find(&uncommented, columns, None)? });
+    }
     if let (None, Some((index, _))) = (names, units) {
         names = Some(index);
         units = None;
     }
     let Some(index) = names else {
-        return Ok(commented(above, columns, &head).unwrap_or(Head { preamble: rows.len(), gains: None, ..head }));
+        return Ok(Head { preamble: rows.len(), gains: None, ..head });
     };
     let row = rows[index];
     if let Some(odd) =
@@ -175,26 +180,41 @@ fn is_number(cell: impl AsRef<str>) -> bool {
     number(Decimal::Point) || number(Decimal::Comma)
 }
 
-/// Names in the last comment: `# time_s voltage_v`, as numpy.savetxt writes them.
-fn commented(above: &[TopRow], columns: usize, head: &Head) -> Option<Head> {
-    let row = above.iter().rfind(|row| row.comment).filter(|row| row.cells.len() == columns)?;
-    let titles = row.cells.iter().map(|name| Title::new(name.trim())).collect();
-    Some(Head { titles, line: row.line, preamble: 0, ..head.clone() })
+/// The rows `above` numbers or a row of units in line `units`, with the comments that may be names, as numpy.savetxt writes them:
+/// `# time_s voltage_v`. None without such comments.
+fn uncommented(above: &[TopRow], units: Option<u64>, columns: usize) -> Option<Vec<TopRow>> {
+    let may_name = |row: &TopRow| {
+        row.cells.len() == columns && !row.cells.iter().any(is_number) && units.is_none_or(|line| row.line < line)
+    };
+    above.iter().any(|row| row.comment && may_name(row)).then(|| {
+        let rows = above.iter().filter(|row| !row.comment || may_name(row));
+        rows.map(|row| TopRow { comment: false, ..row.clone() }).collect()
+    })
 }
 
-/// Whether `row` has nothing but units and empty cells, and at least two units where there are two columns. An oscilloscope's has settings too.
-fn is_units(row: &TopRow, columns: usize) -> bool {
+/// Whether `row` is a row of units: there is nothing else in it, or below names at most as many other cells, which may be units as well.
+/// There are at least two units where there are two columns. An oscilloscope's has settings too.
+fn is_units(row: &TopRow, above: &[&TopRow], columns: usize) -> bool {
     let is_scope = row.cells[0].trim().eq_ignore_ascii_case("sequence");
-    let mut units = usize::from(is_scope);
+    let (mut units, mut known, mut unknown) = (usize::from(is_scope), 0, 0);
     for cell in row.cells.iter().skip(usize::from(is_scope)).map(|cell| cell.trim()).filter(|cell| !cell.is_empty()) {
         let in_brackets = cell.starts_with(['(', '[', '{']) && cell.ends_with([')', ']', '}']);
         match unit_cell(cell, false) {
             UnitSense::Known(_) | UnitSense::MilliOrMega => units += 1,
-            _ if in_brackets || is_other_unit(cell) || (is_scope && is_number(cell)) => {}
-            _ => return false,
+            _ if in_brackets || is_other_unit(cell) || (is_scope && is_number(cell)) => known += 1,
+            _ if is_number(cell) => return false,
+            _ => unknown += 1,
         }
     }
-    units >= columns.min(2)
+    let are_names = |names: &&TopRow| {
+        let is_name = |(name, unit): (&String, &String)| unit.trim().is_empty() || !name.trim().is_empty();
+        names.cells.len() == row.cells.len()
+            && names.cells.iter().zip(&row.cells).all(is_name)
+            && !names.cells.iter().any(is_number)
+            && key(&names.cells[0]).is_none()
+            && !is_units(names, &[], columns)
+    };
+    units >= columns.min(2) && (unknown == 0 || (unknown <= units + known && above.iter().any(are_names)))
 }
 
 /// Units of quantities that a recording does not have.
