@@ -297,6 +297,11 @@ fn rows_with_more_cells_than_the_header_are_refused() {
         let error = folder.refused(format!("{header}\n{shifted}"), "");
         has(&error, &["film.txt:", "header of 3", "decimal comma", "semicolons"]);
     }
+    // An empty cell between blanks shifts the cells behind it, and the last column is of no use here.
+    let fixed =
+        format!("Time_s HV_kV Laser_mm Note\n{}", rows("  ", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 7.0]));
+    let missing = fixed.replacen("  0.0125  ", "          ", 1);
+    has(&folder.refused(missing, ""), &["film.txt:3:", "3 cells below 4 columns", "NaN"]);
     // A separator at the end of a row shifts nothing.
     let recording = folder.read("time_s,voltage_v,displacement_m\n0,0,0,\n1,5,2e-3,\n", "").expect("as ever");
     assert_eq!(recording.displacement().expect("there").value, [0.0, 2e-3]);

@@ -366,6 +366,9 @@ impl<'a> TextTable<'a> {
             if cells.iter().skip(self.columns).any(|cell| !cell.is_empty()) {
                 return Err((line.number, more_cells(cells.len(), self.columns, self.separator)));
             }
+            if self.separator == Separator::Blanks && cells.len() < self.columns {
+                return Err((line.number, fewer_cells(cells.len(), self.columns)));
+            }
             Ok((line.number, cells))
         })
     }
@@ -474,6 +477,14 @@ fn more_cells(cells: usize, titles: usize, separator: Separator) -> String {
         _ => "; every column needs a name, or name the columns by number with `columns`",
     };
     format!("{cells} cells below a header of {titles}{cause}")
+}
+
+/// The error about a row of `cells` between blanks where there are more `columns`.
+fn fewer_cells(cells: usize, columns: usize) -> String {
+    format!(
+        "{cells} cells below {columns} columns; between blanks an empty cell shifts those behind it: write NaN into it, or export the file \
+         separated by commas or tabs"
+    )
 }
 
 /// Why there are no rows of numbers.
