@@ -76,7 +76,7 @@ impl Recording {
                 let signs: Vec<bool> = sides.iter().flatten().map(|side| *side > value).collect();
                 begin && end && to - from < runs.values.len() && signs.windows(2).all(|pair| pair[0] == pair[1])
             };
-            runs.with_value(value).into_iter().filter(is_apart).collect()
+            runs.with_value(value).iter().copied().filter(is_apart).collect()
         };
         let zeros = of(0.0, FAR);
         let (value, found) = if zeros.is_empty() {
@@ -101,7 +101,7 @@ fn load(drive: &[f64]) -> Vec<f64> {
 /// Readings in runs of one value.
 struct Runs {
     values: Vec<f64>,
-    /// Beginning and end of each.
+    /// Beginning and end of each, those of one value side by side in their order.
     ends: Vec<(usize, usize)>,
 }
 
@@ -109,24 +109,24 @@ impl Runs {
     fn new(values: Vec<f64>) -> Self {
         let mut starts: Vec<usize> = (0..values.len()).filter(|&k| k == 0 || values[k] != values[k - 1]).collect();
         starts.push(values.len());
-        let ends = starts.windows(2).map(|pair| (pair[0], pair[1])).collect();
+        let mut ends: Vec<(usize, usize)> = starts.windows(2).map(|pair| (pair[0], pair[1])).collect();
+        // Not −0, which is 0.
+        ends.sort_by(|a, b| (values[a.0] + 0.0).total_cmp(&(values[b.0] + 0.0)));
         Self { values, ends }
     }
 
     /// The runs of `value`.
-    fn with_value(&self, value: f64) -> Vec<(usize, usize)> {
-        self.ends.iter().copied().filter(|(from, _)| self.values[*from] == value).collect()
+    fn with_value(&self, value: f64) -> &[(usize, usize)] {
+        let from = self.ends.partition_point(|(from, _)| self.values[*from] < value);
+        let count = self.ends[from..].partition_point(|(from, _)| self.values[*from] <= value);
+        &self.ends[from..from + count]
     }
 
     /// Values of at least `count` runs, those of most first.
     fn repeated(&self, count: usize) -> Vec<f64> {
-        let mut values: Vec<f64> = self.ends.iter().map(|(from, _)| self.values[*from]).collect();
-        values.sort_by(f64::total_cmp);
-        let mut found: Vec<(usize, f64)> = values
-            .chunk_by(|a, b| a == b)
-            .filter(|same| same.len() >= count)
-            .map(|same| (same.len(), same[0]))
-            .collect();
+        let same = self.ends.chunk_by(|a, b| self.values[a.0] == self.values[b.0]);
+        let mut found: Vec<(usize, f64)> =
+            same.filter(|same| same.len() >= count).map(|same| (same.len(), self.values[same[0].0])).collect();
         found.sort_by_key(|(count, _)| std::cmp::Reverse(*count));
         found.into_iter().map(|(_, value)| value).collect()
     }
