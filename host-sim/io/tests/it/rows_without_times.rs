@@ -74,3 +74,36 @@ fn a_rate_that_is_certain_is_read() {
     );
     assert_eq!(difference(&folder.read(timed, "").expect("times")), None);
 }
+
+/// Runs that an empty line or a new count separates are not one run.
+#[test]
+fn runs_without_times_are_a_question() {
+    let folder = Folder::new();
+    let numbers = |columns: &str, from: usize, to: usize| -> String {
+        let row = |(k, s): (usize, &super::lab_files::Sample)| match columns {
+            "" => format!("{};{}\n", s.voltage_kv, s.laser_mm),
+            _ => format!("{};{};{}\n", k + 1, s.voltage_kv, s.laser_mm),
+        };
+        super::lab_files::samples()[from..to].iter().enumerate().map(row).collect()
+    };
+    for (columns, between) in [("", "\n"), ("", "\n\n"), ("No;", ""), ("No;", "\n")] {
+        for head in ["Sample rate: 8 Hz\n", ""] {
+            let runs = [numbers(columns, 0, 5), numbers(columns, 5, 9), numbers(columns, 0, 24)];
+            let text = format!("{head}{columns}HV (kV);Laser (mm)\n{}", runs.join(between));
+            let path = folder.file("film.txt", text);
+            let read = |more: &str| {
+                let rate = if head.is_empty() { "rate=8" } else { "" };
+                Recording::read_with(&path, &hints(&format!("{rate}{more}")))
+            };
+            has(&read("").expect_err("three runs").to_string(), &["3 runs of rows", "`segment` 1 to 3"]);
+            assert_eq!(read(" segment=2").expect("chosen").time_s().len(), 4);
+            assert_eq!(difference(&read(" segment=3").expect("chosen")), None, "{columns:?} {between:?}");
+        }
+    }
+    // Empty lines between all rows, and rows with times, are one run.
+    let wide = file("Sample rate: 8 Hz", ";", '.').replace('\n', "\n\n");
+    assert_eq!(difference(&folder.read(wide, "").expect("one run")), None);
+    let timed = rows(";", '.', super::lab_files::usual).replacen('\n', "\n\n", 1);
+    let timed = folder.read(format!("Time (s);HV (kV);Laser (mm)\n{timed}"), "").expect("one run");
+    assert_eq!(difference(&timed), None);
+}

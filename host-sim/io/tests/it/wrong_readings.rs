@@ -106,21 +106,6 @@ fn drop_outs_that_are_numbers_are_found() {
     assert!(missed.is_empty(), "{} of {count}: {}", missed.len(), missed[..missed.len().min(10)].join("\n"));
 }
 
-/// A long recording whose readings are all repeated is judged at once.
-#[test]
-fn many_repeated_readings_take_no_time() {
-    let readings = 3e5 as usize;
-    let time_s: Vec<f64> = (0..readings).map(|k| k as f64 / 100.0).collect();
-    let volts = vec![3e3; readings];
-    let mut random = Noise(7);
-    let reading: Vec<f64> = (0..readings).map(|_| (2e5 + 3e4 * random.next()).round() * 1e-8).collect();
-    let recording = recording(&time_s, &volts, &reading);
-    let begin = std::time::Instant::now();
-    assert_eq!(recording.drop_outs(), None);
-    // It is a second at most where nothing else runs; runs of each value sought among all took a minute.
-    assert!(begin.elapsed().as_secs() < 10, "{:?}", begin.elapsed());
-}
-
 /// Columns of voltages that are not on the film: by their names a question, by their numbers a warning.
 #[test]
 fn voltages_of_mains_and_controls_are_not_the_films() {

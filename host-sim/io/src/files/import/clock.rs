@@ -14,8 +14,15 @@ pub struct Stamp {
 /// A date as it may be read.
 #[derive(Clone, Debug, PartialEq)]
 struct Date {
-    /// Days since a day that is the same for all; a second reading where day and month may be exchanged.
-    days: [i64; 2],
+    /// Days since a day that is the same for all, by the order of the parts: day first, month first, and year first.
+    days: [Option<i64>; 3],
+}
+
+impl Stamp {
+    /// Whether it is a whole second.
+    pub fn is_whole(&self) -> bool {
+        self.of_day_s.fract() == 0.0
+    }
 }
 
 /// Reads `text` as `10:00:01.5`, `10:00:01:500`, `10:00:01 PM`, `00:01.5` or with a date before it, as `2026-11-24T10:00:01Z` or `24.11.2026 10:00:01`.
@@ -23,7 +30,7 @@ pub fn stamp(text: &str) -> Option<Stamp> {
     let text = text.trim();
     if let Some((days, seconds)) = text.strip_prefix('@').and_then(|cell| cell.split_once(' ')) {
         // A cell of a spreadsheet that is a date or a time.
-        let date = Date { days: [days.parse().ok()?; 2] };
+        let date = Date { days: [Some(days.parse().ok()?); 3] };
         return Some(Stamp { of_day_s: seconds.parse().ok()?, date: Some(date) });
     }
     let colon = text.find(':')?;
@@ -36,7 +43,7 @@ pub fn stamp(text: &str) -> Option<Stamp> {
     let elapsed = before.strip_suffix("days").or_else(|| before.strip_suffix("day")).map(|days| days.trim().parse());
     let date = match elapsed {
         _ if before.is_empty() => None,
-        Some(days) => Some(Date { days: [days.ok()?; 2] }),
+        Some(days) => Some(Date { days: [Some(days.ok()?); 3] }),
         None => Some(date(before)?),
     };
     Some(Stamp { of_day_s: of_day(time)?, date })
@@ -112,16 +119,14 @@ fn date(text: &str) -> Option<Date> {
             MONTHS.iter().position(|month| name.starts_with(month)).map(|index| index as i64 + 1)
         })
     };
-    let days = if a.len() == 4 {
-        [days(number(a)?, month(b)?, number(c)?)?; 2]
-    } else {
-        let year = number(c)?;
-        let day_first = month(b).zip(number(a)).and_then(|(month, day)| days(year, month, day));
-        // Dates are written both ways.
-        let month_first = month(a).zip(number(b)).and_then(|(month, day)| days(year, month, day));
-        [day_first.or(month_first)?, month_first.or(day_first)?]
+    let at = |year: &str, month_of: &str, day: &str| days(number(year)?, month(month_of)?, number(day)?);
+    let days = match (a.len(), c.len()) {
+        (4, _) => [at(a, b, c); 3],
+        // A year of two digits may be in front.
+        (_, 2) => [at(c, b, a), at(c, a, b), at(a, b, c)],
+        _ => [at(c, b, a), at(c, a, b), None],
     };
-    Some(Date { days })
+    days.iter().any(Option::is_some).then_some(Date { days })
 }
 
 /// Days since 1 March of year 0 of the Gregorian calendar.
@@ -137,6 +142,8 @@ fn days(year: i64, month: i64, day: i64) -> Option<i64> {
 #[derive(Clone, Debug, Default)]
 pub struct Clock {
     last: Option<(Stamp, f64)>,
+    /// Orders of the parts of dates that a row before excludes.
+    excluded: [bool; 3],
 }
 
 impl Clock {
@@ -144,18 +151,13 @@ impl Clock {
     ///
     /// # Errors
     ///
-    /// Where the date does not follow that of the row before.
+    /// Where the date does not follow that of the row before, or may be one of two.
     pub fn seconds(&mut self, stamp: Stamp) -> Result<f64, String> {
-        let midnight_s = match &self.last {
+        let midnight_s = match self.last.take() {
             None => 0.0,
             Some((last, midnight_s)) => {
                 let days = match (&last.date, &stamp.date) {
-                    (Some(before), Some(now)) => {
-                        // Of the two readings of a date, days and months exchanged, the smaller step that goes forward.
-                        let steps = [0, 1].map(|k| now.days[k] - before.days[k]);
-                        let step = steps.into_iter().filter(|step| *step >= 0).min();
-                        step.ok_or("the date goes backwards; sort the rows")?
-                    }
+                    (Some(before), Some(now)) => self.days_between(before, now)?,
                     _ => i64::from(last.of_day_s - stamp.of_day_s > DAY_S / 2.0),
                 };
                 midnight_s + DAY_S * days as f64
@@ -164,5 +166,21 @@ impl Clock {
         let now = midnight_s + stamp.of_day_s;
         self.last = Some((stamp, midnight_s));
         Ok(now)
+    }
+
+    /// Days from one row's date to the next: a day at most in one order of their parts, or the same in all of them.
+    fn days_between(&mut self, before: &Date, now: &Date) -> Result<i64, String> {
+        let step =
+            |k: usize| now.days[k].zip(before.days[k]).map(|(now, before)| now - before).filter(|step| *step >= 0);
+        let steps = [0, 1, 2].map(|k| step(k).filter(|_| !self.excluded[k]));
+        let shortest = steps.iter().flatten().min().copied().ok_or("the date goes backwards; sort the rows")?;
+        if let Some(longer) = steps.iter().flatten().find(|step| **step > shortest.max(1)).filter(|_| shortest > 1) {
+            return Err(format!(
+                "the date is {shortest} or {longer} days after that of the row before, by the order of day, month and year; write dates as \
+                 2026-11-24"
+            ));
+        }
+        self.excluded = steps.map(|step| step != Some(shortest));
+        Ok(shortest)
     }
 }

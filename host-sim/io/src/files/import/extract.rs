@@ -7,11 +7,13 @@ use std::path::Path;
 
 use super::mapping::{self, By, Chosen};
 use super::numbers::{self, Cell, Decimal};
+use super::separator::Separator;
 use super::series::{Series, Understood, UnderstoodColumn};
+use super::shifted;
 use super::source::{Source, Value, si};
 use super::text::{Dialect, TextTable};
 use super::times::{Origin, Times};
-use super::{Hints, Quantity, Request, channels, encoding, kind, mat, mat_hdf5, names, reshaped, workbook};
+use super::{Hints, Quantity, Request, channels, encoding, fractions, kind, mat, mat_hdf5, names, reshaped, workbook};
 use crate::error::{Error, Result, shown};
 use crate::files::table::Column;
 use crate::terminal::rounded;
@@ -89,7 +91,7 @@ fn own_names(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints) 
     let table = TextTable::below_names(text).map_err(|(line, cause)| at(path, line, cause))?;
     let line = table.head.line;
     let own = mapping::own(&table.titles(), request).map_err(|cause| at(path, line, cause))?;
-    let source = Source::Text("text (UTF-8)".into(), table);
+    let source = Source::Text("text (UTF-8)".into(), Box::new(table));
     let chosen = own.map_or_else(|| map(path, &source, request, hints), Ok)?;
     extract(path, &source, &chosen, hints)
 }
@@ -162,7 +164,7 @@ fn table<'a>(
     let states_rate = |table: &TextTable<'_>| table.head.interval.is_some();
     let table = find(dialect)
         .or_else(|error| find(&Dialect { single: true, ..*dialect }).ok().filter(states_rate).ok_or(error))?;
-    let source = Source::Text(format.into(), table);
+    let source = Source::Text(format.into(), Box::new(table));
     let chosen = map(path, &source, request, hints)?;
     Ok((source, chosen))
 }
@@ -266,8 +268,9 @@ fn interval_s(
     let Some(stated) = source.head().and_then(|head| head.interval.clone()) else { return Ok(None) };
     match (stated, chosen.iter().find(|column| column.quantity == Quantity::Time)) {
         (Ok(interval_s), _) => Ok(Some(interval_s)),
-        (Err((line, cause)), None) => Err((line, cause)),
-        (Err((line, cause)), Some(time)) if time.by == By::Preamble => {
+        (Err(question), None) => Err(*question),
+        (Err(question), Some(time)) if time.by == By::Preamble => {
+            let (line, cause) = *question;
             Err((line, format!("{cause}, or state the unit of the times with `columns` time={}:s", time.index + 1)))
         }
         (Err(_), Some(_)) => Ok(None),
@@ -297,14 +300,21 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     let mut times = Times::new(interval_s, hints.repeated_times.is_some(), source.starts());
     let mut columns: Vec<Column> = names.iter().map(|name| Column::empty(name.clone())).collect();
     let mut out_of_range = vec![0; chosen.len()];
+    let fractions = fractions::beside(source, &chosen, &titles).map_err(|(line, cause)| at(path, line, cause))?;
+    let read: Vec<usize> = indices.iter().copied().chain(fractions.iter().map(|fraction| fraction.index)).collect();
     source
-        .each(&indices, |line, values| {
+        .each(&read, |line, values| {
+            let of_second = |(value, fraction): (&Value<'_>, &fractions::Fraction)| match value {
+                Value::Number(number) => number * fraction.unit_s,
+                _ => 0.0,
+            };
+            let fraction_s = values[chosen.len()..].iter().zip(&fractions).map(of_second).sum();
             if chosen.first().is_none_or(|column| column.quantity != Quantity::Time) {
                 times.count();
             }
             for (place, Chosen { quantity, factor, .. }) in chosen.iter().enumerate() {
                 if *quantity == Quantity::Time {
-                    times.push(line, &names[place], values[place], *factor)?;
+                    times.push(line, &names[place], values[place], *factor, fraction_s)?;
                     continue;
                 }
                 let value = match values[place] {
@@ -331,7 +341,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
         .collect();
     let without_unit = used.iter_mut().find(|c| c.quantity == Quantity::Time && c.by == By::Preamble);
     let named = without_unit.as_ref().map(|column| (column.column, column.name.as_str()));
-    let (clock_s, unit) = times.finish(named).map_err(|cause| Error::file(path, cause))?;
+    let (clock_s, unit) = times.finish(named, || source.runs()).map_err(|cause| Error::file(path, cause))?;
     if let (Some(column), Some(unit)) = (without_unit, unit) {
         (column.unit, column.factor) = (unit.name.into(), unit.factor);
     }
@@ -360,6 +370,8 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
         }
     }
     let mut notes = remarks(source, &names, &out_of_range);
+    notes
+        .extend(fractions.iter().map(|f| format!("{:?} is added to the times of day beside it", titles[f.index].name)));
     if let Some(meaning) = hints.repeated_times {
         series.without_repeated_times(meaning);
     }
@@ -393,6 +405,11 @@ fn refuse_ambiguous(
             line,
             format!("a column has the unit {unit} here and {before} before; write all rows in one unit"),
         ));
+    }
+    if table.separator == Separator::Comma
+        && let Some(fault) = shifted::by_thousands(table.rows().flatten())
+    {
+        return Err(fault);
     }
     let is_ambiguous = |place: &usize| table.ambiguous.get(indices[*place]) == Some(&true);
     match (0..indices.len()).find(is_ambiguous) {

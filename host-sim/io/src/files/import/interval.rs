@@ -9,7 +9,7 @@ use super::units::Unit;
 use crate::terminal::rounded;
 
 /// The interval, s, or the line and the cause where it is not certain.
-pub type Stated = Result<f64, (u64, String)>;
+pub type Stated = Result<f64, Box<(u64, String)>>;
 
 /// Names of an interval of the rows, in small letters, with blanks for underlines, and commas between them.
 const INTERVALS: &str = "delta x, sample interval, sampling interval, sample period, sampling period, sampling time, sampling cycle, \
@@ -126,7 +126,7 @@ pub fn stated(rows: &[(u64, &[String])], decimal: Option<Decimal>) -> Option<Sta
         possible.iter().take(4).map(|interval_s| format!("`rate_hz` {}", rounded(1.0 / interval_s))).collect();
     let rates = if rates.is_empty() { "`rate_hz`".into() } else { rates.join(" or ") };
     let cause = format!("the rate of the rows is not certain from {}; import with {rates}", shown.join(" and "));
-    Some(Err((first.line, cause)))
+    Some(Err(Box::new((first.line, cause))))
 }
 
 impl Statement<'_> {

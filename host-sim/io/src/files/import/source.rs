@@ -10,7 +10,7 @@ use crate::files::table::MAX_VALUE;
 /// Rows of numbers with titles.
 pub enum Source<'a> {
     /// A text, or a spreadsheet as text, and its description.
-    Text(String, TextTable<'a>),
+    Text(String, Box<TextTable<'a>>),
     /// Variables.
     Series(Vec<mat::Series>),
 }
@@ -70,6 +70,14 @@ impl Source<'_> {
         match self {
             Self::Text(_, table) => table.starts(),
             Self::Series(_) => Vec::new(),
+        }
+    }
+
+    /// Number of runs of rows, also without a header between them.
+    pub fn runs(&self) -> usize {
+        match self {
+            Self::Text(_, table) => table.runs().len(),
+            Self::Series(_) => 1,
         }
     }
 

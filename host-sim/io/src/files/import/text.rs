@@ -7,8 +7,10 @@ use super::interval;
 use super::lines::{Line, is_comment, lines};
 use super::names::Title;
 use super::numbers::{self, Cell, Decimal, Signs};
+use super::runs;
 use super::separator::{Separator, bare};
 use super::shape::{Kind, Shape};
+use super::shifted::{SHIFTED, fewer_cells, more_cells};
 use super::units::{self, Unit};
 
 /// Rows of numbers in a text.
@@ -241,6 +243,7 @@ impl<'a> TextTable<'a> {
         };
         let faults = table.cut(&rows[first..], lines, is_remark, is_header, &|line| top(line, false));
         if let Some(wanted) = dialect.segment {
+            table.segments = table.runs();
             let found = table.segments.len();
             let segment = wanted.checked_sub(1).and_then(|index| table.segments.get(index));
             table.segments = vec![*segment.ok_or_else(|| (0, format!("`segment` {wanted}: there are {found}")))?];
@@ -350,6 +353,14 @@ impl<'a> TextTable<'a> {
         self.segments.iter().map(|(line, _)| *line).collect()
     }
 
+    /// First line and text of the runs of rows: below repeated headers, or else behind empty lines and where their numbers begin again.
+    pub fn runs(&self) -> Vec<(u64, &'a str)> {
+        match self.segments.as_slice() {
+            [(first, text)] => runs::split(text, *first, self.separator),
+            several => several.to_vec(),
+        }
+    }
+
     /// The last row if its end is missing.
     pub fn cut_off(&self) -> Option<&'a str> {
         let (_, last) = self.segments.last().filter(|_| self.is_cut_off)?;
@@ -395,8 +406,6 @@ fn hides_numbers(cell: &str, separator: Separator) -> bool {
         parts.len() > 1 && parts.iter().all(is_number)
     })
 }
-
-const SHIFTED: &str = "some numbers have a decimal comma and some a decimal point; export them with a decimal point";
 
 /// The names of a header, which may be separated otherwise than the `columns` of numbers.
 fn header_cells(text: &str, separator: Separator, columns: usize) -> Vec<String> {
@@ -464,27 +473,6 @@ fn refuse_shifted(head: &Head, row: &Line<'_>, columns: usize, separator: Separa
         return Ok(());
     }
     Err((row.number, more_cells(columns, titles, separator)))
-}
-
-/// The error about a row of `cells` below a header of `titles`.
-fn more_cells(cells: usize, titles: usize, separator: Separator) -> String {
-    let cause = match separator {
-        Separator::Comma => {
-            "; decimal commas in a file separated by commas shift every value: export with a decimal point, or separated by \
-             semicolons"
-        }
-        Separator::Blanks => "; names with blanks in them need quotes, or name the columns by number with `columns`",
-        _ => "; every column needs a name, or name the columns by number with `columns`",
-    };
-    format!("{cells} cells below a header of {titles}{cause}")
-}
-
-/// The error about a row of `cells` between blanks where there are more `columns`.
-fn fewer_cells(cells: usize, columns: usize) -> String {
-    format!(
-        "{cells} cells below {columns} columns; between blanks an empty cell shifts those behind it: write NaN into it, or export the file \
-         separated by commas or tabs"
-    )
 }
 
 /// Why there are no rows of numbers.

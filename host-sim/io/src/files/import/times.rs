@@ -41,12 +41,19 @@ impl Times {
         self.counted += 1;
     }
 
-    /// Takes the time of the row in `line`, in the column `name`.
+    /// Takes the time of the row in `line`, in the column `name`; a time of day with the fraction of its second.
     ///
     /// # Errors
     ///
     /// Why it is not a time, or does not follow that of the row before.
-    pub fn push(&mut self, line: u64, name: &str, value: Value<'_>, factor: f64) -> Result<(), String> {
+    pub fn push(
+        &mut self,
+        line: u64,
+        name: &str,
+        value: Value<'_>,
+        factor: f64,
+        fraction_s: f64,
+    ) -> Result<(), String> {
         let now = match value {
             // An empty column where the preamble states the interval.
             Value::Nothing if self.interval_s.is_some() && self.clock_s.is_empty() => {
@@ -54,7 +61,7 @@ impl Times {
                 return Ok(());
             }
             Value::Text(text) => match clock::stamp(text) {
-                Some(stamp) => Some(self.clock.seconds(stamp)?),
+                Some(stamp) => Some(self.clock.seconds(stamp)? + fraction_s),
                 None if clock::is_two_parts(text) => {
                     let cause = "hours and minutes, or minutes and seconds; write hours, minutes and seconds";
                     return Err(format!("{name} is {text:?}: {cause}"));
@@ -92,17 +99,25 @@ impl Times {
         Ok(())
     }
 
-    /// The times, s, and the unit of their column (its number and name) if the preamble states their interval instead.
+    /// The times, s, and the unit of their column (its number and name) if the preamble states their interval instead. `runs` counts the
+    /// runs of rows.
     ///
     /// # Errors
     ///
     /// Why they are not known.
-    pub fn finish(self, without_unit: Option<(usize, &str)>) -> Result<(Vec<f64>, Option<Unit>), String> {
-        let Self { interval_s, starts, mut clock_s, counted, .. } = self;
+    pub fn finish(
+        self,
+        without_unit: Option<(usize, &str)>,
+        runs: impl FnOnce() -> usize,
+    ) -> Result<(Vec<f64>, Option<Unit>), String> {
+        let Self { interval_s, mut clock_s, counted, .. } = self;
         if let Some(interval_s) = interval_s.filter(|_| counted > 0) {
-            return match starts.len() {
+            return match runs() {
                 0 | 1 => Ok(((0..counted).map(|row| row as f64 * interval_s).collect(), None)),
-                runs => Err(format!("{runs} runs of rows without times; choose one with `segment` 1 to {runs}")),
+                runs => Err(format!(
+                    "{runs} runs of rows without times, which a header, an empty line or a new count of the rows separates; choose one with \
+                     `segment` 1 to {runs}, or remove the lines between them if they are one"
+                )),
             };
         }
         let mut found = None;

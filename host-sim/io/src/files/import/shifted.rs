@@ -1,0 +1,66 @@
+//! Rows whose cells are not below their names.
+
+use super::numbers::{self, Decimal};
+use super::separator::Separator;
+
+pub const SHIFTED: &str =
+    "some numbers have a decimal comma and some a decimal point; export them with a decimal point";
+
+/// The error about a row of `cells` below a header of `titles`.
+pub fn more_cells(cells: usize, titles: usize, separator: Separator) -> String {
+    let cause = match separator {
+        Separator::Comma => {
+            "; decimal commas in a file separated by commas shift every value: export with a decimal point, or separated by \
+             semicolons"
+        }
+        Separator::Blanks => "; names with blanks in them need quotes, or name the columns by number with `columns`",
+        _ => "; every column needs a name, or name the columns by number with `columns`",
+    };
+    format!("{cells} cells below a header of {titles}{cause}")
+}
+
+/// The error about a row of `cells` between blanks where there are more `columns`.
+pub fn fewer_cells(cells: usize, columns: usize) -> String {
+    format!(
+        "{cells} cells below {columns} columns; between blanks an empty cell shifts those behind it: write NaN into it, or export the file \
+         separated by commas or tabs"
+    )
+}
+
+/// The line and the cause where commas separate the thousands of a number as they separate the cells of `rows`: such rows, and no others,
+/// have that many more numbers than the shortest.
+pub fn by_thousands<'a>(rows: impl Iterator<Item = (u64, Vec<&'a str>)>) -> Option<(u64, String)> {
+    let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    let begins = |cell: &str| {
+        let digits = cell.trim_start_matches(['+', '-']);
+        (1..=3).contains(&digits.len()) && is_digits(digits) && !digits.starts_with('0')
+    };
+    let follows = |cell: &str| {
+        let (whole, broken) = cell.split_once('.').unwrap_or((cell, ""));
+        whole.len() == 3 && is_digits(whole) && is_digits(broken)
+    };
+    struct Row {
+        line: u64,
+        filled: usize,
+        groups: usize,
+        numbers_at_end: usize,
+    }
+    let row = |(line, cells): (u64, Vec<&str>)| {
+        let filled = cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
+        let groups = cells.windows(2).filter(|pair| begins(pair[0]) && follows(pair[1])).count();
+        let is_number = |cell: &&&str| numbers::number(cell, Decimal::Point).is_some();
+        Row { line, filled, groups, numbers_at_end: cells[..filled].iter().rev().take_while(is_number).count() }
+    };
+    let rows: Vec<Row> = rows.map(row).collect();
+    let fewest = rows.iter().map(|row| row.filled).min()?;
+    let is_shifted = |row: &Row| {
+        let more = row.filled - fewest;
+        row.groups >= more && row.numbers_at_end >= more && (more > 0 || row.groups == 0)
+    };
+    let longer = rows.iter().find(|row| row.filled > fewest)?;
+    rows.iter().all(is_shifted).then(|| {
+        let cause = "commas separate the cells and the thousands of numbers, as in 1,036.5, which shifts the values behind them; export \
+                     without thousands, with quotes, or separated by semicolons";
+        (longer.line, cause.into())
+    })
+}
