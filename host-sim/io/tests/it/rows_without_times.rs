@@ -53,6 +53,7 @@ fn a_rate_that_is_certain_is_read() {
         ("Sample rate: 8 Hz", ';', '.'),
         ("Sample rate: 8 Hz\nDecimation: 1\nAveraging: off", ';', '.'),
         ("Sample rate: 8 Hz\nSampling interval: 0.125 s\nActual sample rate: 8.00 Hz\nIncrement: 0.1 kV", ';', '.'),
+        ("Sample rate: 8 Hz\nAverage voltage: 3 kV\nVoltage divider: 1000", ';', '.'),
         ("Sampling rate: 0.125 s", ';', '.'),
         ("Sample Rate,0.125,s", ',', '.'),
         ("Sample Interval,0.125\nHorizontal Units,s", ',', '.'),

@@ -23,9 +23,9 @@ const OTHERS: &str = "time step, increment, step time, logging rate, logging int
     recording interval, storage rate, storage interval, save rate, save interval, output rate, output interval, messrate, \
     messintervall, speicherrate, speicherintervall";
 /// Parts of names of a number of samples that are one row.
-const EVERY: &str = "decimat downsampl undersampl oversampl averag every divider dezim mittel teiler moyenn";
+const EVERY: &str = "decimat downsampl undersampl oversampl averag every dezim mittel moyenn";
 /// Units of such a number.
-const COUNTS: &str = "x × times time samples sample points scans cycles rows mal fach";
+const COUNTS: &str = "x × times time samples sample points scans cycles rows lines values mal fach werte zeilen";
 /// Names of the unit of the intervals that have none.
 const UNITS: &str =
     "horizontal units, hunit, h unit, x unit, x units, x unit label, x dimension, time unit, time units, zeiteinheit";
@@ -231,14 +231,14 @@ fn meaning(cells: &[String], decimal: Option<Decimal>, common: Option<Unit>) -> 
     };
     let intervals: Option<Vec<f64>> = numbers.iter().map(|number| in_seconds(*number)).collect();
     Some(match (numbers.as_slice(), intervals) {
+        // A step of a drive, or its mean.
+        _ if matches!(unit_cell(unit, false), UnitSense::Known(unit) if unit.quantity != Quantity::Time) => {
+            return None;
+        }
         ([one], _) if is_count || (key == Key::Every && time.is_none()) => match *one {
             1.0 => return None,
             count => Meaning::Every(count),
         },
-        // A step of a drive.
-        _ if matches!(unit_cell(unit, false), UnitSense::Known(unit) if unit.quantity != Quantity::Time) => {
-            return None;
-        }
         ([_], Some(intervals)) if !each => match key {
             Key::Interval | Key::Rate => Meaning::Rows(intervals[0]),
             Key::Other | Key::Every => Meaning::Other(intervals[0]),
