@@ -7,31 +7,12 @@ use super::source::{Source, Value};
 /// Texts of one column within the rows of one time.
 #[derive(Clone, Debug, Default)]
 struct Texts {
-    /// The first one of this time.
     first: Option<String>,
-    /// Whether another one followed.
-    differs: bool,
-    /// Times at which another one followed.
+    /// Times at which another one followed, and the last of these.
     times: usize,
-    /// Two texts of one time, for the error.
-    example: Option<[String; 2]>,
-}
-
-impl Texts {
-    fn begin(&mut self, text: Option<&str>) {
-        self.first = text.map(str::to_owned);
-        self.differs = false;
-    }
-
-    fn follow(&mut self, text: Option<&str>) {
-        if let (Some(first), Some(text), false) = (&self.first, text, self.differs)
-            && first != text
-        {
-            self.differs = true;
-            self.times += 1;
-            self.example.get_or_insert_with(|| [first.clone(), text.to_owned()]);
-        }
-    }
+    last: usize,
+    /// Two texts of one time.
+    example: [String; 2],
 }
 
 /// Refuses a text column at one of the `others` that changes within the rows of each time, which column `time` repeats.
@@ -61,13 +42,21 @@ pub fn refuse_names_in_rows(
                 Value::Text(text) if clock::stamp(text).is_none() => Some(*text),
                 _ => None,
             };
-            if rows == 1 { column.begin(text) } else { column.follow(text) }
+            if rows == 1 {
+                column.first = text.map(str::to_owned);
+            } else if let (Some(first), Some(text)) = (&column.first, text)
+                && first != text
+                && column.last != repeated
+            {
+                (column.times, column.last) = (column.times + 1, repeated);
+                column.example = [first.clone(), text.to_owned()];
+            }
         }
         Ok(())
     })?;
     let is_name = |column: &Texts| repeated > 0 && column.times == repeated;
     match columns.iter().zip(others).find(|(column, _)| is_name(column)) {
-        Some((Texts { example: Some([one, other]), .. }, &index)) => Err((
+        Some((Texts { example: [one, other], .. }, &index)) => Err((
             source.starts().first().copied().unwrap_or(0),
             format!(
                 "{:?} changes within the rows of one time ({one:?}, {other:?}): it names the channel of its row; write each channel as a \
@@ -75,6 +64,6 @@ pub fn refuse_names_in_rows(
                 titles[index].name
             ),
         )),
-        _ => Ok(()),
+        None => Ok(()),
     }
 }
