@@ -79,6 +79,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let edits = Edits::new(arguments.blank.clone(), arguments.from, arguments.to, arguments.decimate)?;
     let outputs = arguments.outputs()?;
     let hints = Hints { words: Blank::words(&arguments.blank), ..arguments.options.hints()? };
+    let omits_displacement = hints.choices.get(Quantity::Displacement).is_some_and(|choice| choice.column.is_none());
     let mut imported = Vec::new();
     for (path, out) in arguments.files.iter().zip(&outputs) {
         let series = Recording::read_with(path, &hints)?.into_series();
@@ -88,7 +89,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         let recording = Recording::from_series(path, series);
         // A drive with gaps is an error now, not only when it is fitted.
         recording.drive()?;
-        imported.push((Imported::new(&recording, understood, out, blanked, starts_at_rest), recording));
+        let response = recording.doubtful_response().filter(|_| !omits_displacement);
+        let mut report = Imported::new(&recording, understood, out, blanked, starts_at_rest);
+        report.warnings.extend(response.map(|text| with_flags(&text)));
+        imported.push((report, recording));
     }
     // Removed again if it stays empty.
     let _folder = Folder::at(&arguments.out)?;
@@ -146,9 +150,7 @@ impl Imported {
                 .push("the drive is not 0 at --from: what the film remembers of the rows before is lost".to_owned());
         }
         let drop_outs = recording.drop_outs().map(|drop_outs| drop_outs.to_string());
-        let response = recording.doubtful_response();
-        let remarks = recording.implausible().into_iter().chain(response).chain(drop_outs);
-        warnings.extend(remarks.map(|text| with_flags(&text)));
+        warnings.extend(recording.implausible().iter().chain(&drop_outs).map(|text| with_flags(text)));
         Self {
             out: shown(out),
             rows: recording.time_s().len(),
