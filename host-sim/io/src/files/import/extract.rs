@@ -348,7 +348,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     let columns = chosen.iter().map(|column| column.quantity).zip(columns);
     let columns = columns.filter(|(quantity, column)| *quantity != Quantity::Time && column.has_values()).collect();
     let head = source.head();
-    let is_ignored = |index: &usize| !indices.contains(index);
+    let is_ignored = |index: &usize| !read.contains(index);
     let understood = Understood {
         file: shown(path),
         format: source.format(),
