@@ -101,6 +101,8 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     shares_per_n: f32,
     /// The same per metre that is learned of cycles.
     shares_per_m: f32,
+    /// Displacement per slow change of the load where the film is softest, m/N.
+    compliance_m_per_n: f32,
     sampler: Sampler,
     motion: Motion,
     mode: Mode,
@@ -132,17 +134,34 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     test: LoopTest<M>,
 }
 
+/// A copy that is written where it stays, without one on the stack of the caller.
+#[inline(never)]
+fn copied<M: ControllerMemory>(parameters: &Parameters<M>) -> Parameters<M> {
+    parameters.clone()
+}
+
+/// Displacement per change of the load at `frequency_hz`, where the film of `law` is softest: at rest, or at its `stroke_m` (m).
+#[inline(never)] // without the frame of its caller
+#[allow(clippy::cast_possible_truncation)] // as the laws have it
+fn slow_compliance<M: ControllerMemory>(law: &Law<f32, M>, frequency_hz: f32, stroke_m: f32) -> f32 {
+    let at = |displacement_m: f32| law.frequency_response_about(frequency_hz.into(), displacement_m.into()).l1_norm();
+    at(0.0).max(at(stroke_m)) as f32
+}
+
 /// As [`Controller::new`], of a blob that stays: a small chip has no room to move it.
 impl<M: ControllerMemory> From<&Blob<M>> for Controller<M> {
     fn from(blob: &Blob<M>) -> Self {
         // Before the controller is on the stack.
-        let watched = M::watched(blob.follower().compensator().observer().law());
+        let law = blob.follower().compensator().observer().law();
+        let watched = M::watched(law);
+        let Parameters { control, limits, .. } = blob.parameters();
+        let compliance_m_per_n = slow_compliance(law, control.bandwidth_hz, limits.max_displacement_m);
         Self::from_parts(
             blob.parameters(),
             blob.checksum(),
             blob.follower(),
             watched,
-            (blob.supervisor(), blob.margin()),
+            (blob.supervisor(), blob.margin(), compliance_m_per_n),
         )
     }
 }
@@ -164,7 +183,7 @@ impl<M: ControllerMemory> Controller<M> {
         checksum: Option<u32>,
         follower: &Follower<f32, Tracking<f32, M>>,
         watched: Law<f32, Watched>,
-        (supervisor, margin): (&Supervisor, f32),
+        (supervisor, margin, compliance_m_per_n): (&Supervisor, f32, f32),
     ) -> Self {
         let law = follower.compensator().observer().law();
         let (actuator, limits) = (&parameters.actuator, &parameters.limits);
@@ -188,7 +207,7 @@ impl<M: ControllerMemory> Controller<M> {
             #[cfg(feature = "loop-test")]
             test: LoopTest::at_rest(follower.compensator()),
             film_sensor: FilmSensor::new(parameters),
-            parameters: parameters.clone(),
+            parameters: copied(parameters),
             checksum,
             supervisor: *supervisor,
             follower: follower.clone(),
@@ -199,6 +218,7 @@ impl<M: ControllerMemory> Controller<M> {
             thinning_per_m,
             shares_per_n,
             shares_per_m,
+            compliance_m_per_n,
             max_ageing: f32::INFINITY,
             sampler,
             mode: Mode::Voltage,
@@ -272,7 +292,8 @@ impl<M: ControllerMemory> Controller<M> {
         let runs = self.supervisor.runs();
         // Beside a film at rest, as which it begins its first run if the sensor shows it.
         let beside_m = if self.is_history_assumed && !runs { 0.0 } else { model_m };
-        self.motion.record(displacement_m, beside_m, checked.displacement_m.is_some(), runs);
+        let drive_m = || self.course.observer().load().force_n * self.compliance_m_per_n;
+        self.motion.record(displacement_m, beside_m, drive_m, checked.displacement_m.is_some(), runs);
 
         // Estimate: step the film under the voltage applied since the last tick, and correct it with a sample if one is
         // due. Nothing is learned from a film that is not driven.
@@ -384,7 +405,7 @@ impl<M: ControllerMemory> Controller<M> {
             self.checksum,
             &self.follower,
             self.watched.clone(),
-            (&supervisor, self.motion.min_margin()),
+            (&supervisor, self.motion.min_margin(), self.compliance_m_per_n),
         );
         (made.open_loop, made.is_history_assumed) = (made.watched.state(), false);
         made

@@ -8,6 +8,10 @@ const BLOCKS: u8 = 10;
 const MOVES: f32 = 5.0;
 /// And by more than this share of its displacement: a film that is held while the voltage changes differs from its model by less.
 const MOVES_SHARE: f32 = 0.04;
+/// How far a model counts, in ranges of its drive.
+const BY_DRIVE: f32 = 2.0;
+/// Lag in blocks behind which a drive still moves its model, as by creep.
+const LAG_BLOCKS: f32 = 20.0;
 /// Bands by which the model moves while a sensor that moves by half of that shows a film.
 const MOVES_ALONG: f32 = 10.0;
 /// Bands of displacement from which the model shows how soft the film is.
@@ -25,8 +29,9 @@ const PRESUMED_BLOCKS: u8 = 10;
 /// frozen one.
 ///
 /// **Frozen**: within ten blocks the model has moved by more than five bands and a 25th of its displacement, and two blocks later, in which a
-/// late sensor would have followed, the sensor by less than a fifth of that. It stays so until the sensor moves. What is compared is motion, not creep: after ten
-/// blocks the comparison begins anew. Voltages may be played without a film, so a film that need not follow is only missed once the sensor
+/// late sensor would have followed, the sensor by less than a fifth of that. It stays so until the sensor moves. After ten blocks the comparison begins anew, so
+/// that creep does not count. Nor does the swing of a model with less damping than its film, which a kick leaves: the model counts up to twice as far as its drive
+/// moves it, in these blocks or behind a lag of twenty. Voltages may be played without a film, so a film that need not follow is only missed once the sensor
 /// has moved by half of what the model does, since the last [`reset`](Self::reset).
 ///
 /// **Softness**: the largest ratio of the film's displacement to its model's in this run, averaged over ten blocks, while the model was
@@ -39,12 +44,12 @@ const PRESUMED_BLOCKS: u8 = 10;
 /// use dea_driver::{Limits, Motion};
 ///
 /// let mut motion = Motion::new(Limits::bench(160e-6).sensor);
-/// motion.record(0.1e-3, 0.0, true, false);
+/// motion.record(0.1e-3, 0.0, || 0.0, true, false);
 /// motion.begin_run();
 /// // A film that goes a third further than its model, from 0.1 mm on.
 /// for tick in 0..2000_u16 {
 ///     let model_m = 0.5e-6 * f32::from(tick);
-///     motion.record(0.1e-3 + 4.0 / 3.0 * model_m, model_m, true, true);
+///     motion.record(0.1e-3 + 4.0 / 3.0 * model_m, model_m, || model_m, true, true);
 /// }
 /// assert!(!motion.is_frozen(true) && (motion.furthest(1e-3) / 1.43e-3 - 1.0).abs() < 0.02);
 /// ```
@@ -56,11 +61,13 @@ pub struct Motion {
     ticks: u32,
     sums: [f32; 2],
     is_spoiled: bool,
-    /// Blocks of this window, and the lowest and highest means of sensor and model, m.
+    /// Blocks of this window, and the lowest and highest of sensor, model, drive, and drive behind a lag, m.
     blocks: u8,
-    low: [f32; 2],
-    high: [f32; 2],
-    /// How far the model had moved one and two blocks ago, m.
+    low: [f32; 4],
+    high: [f32; 4],
+    /// Drive behind a lag, m; NaN before the first block of a run.
+    lagged_m: f32,
+    /// How far the model had moved one and two blocks ago, as far as its drive explains it, m.
     before: [f32; 2],
     is_still: bool,
     has_moved: bool,
@@ -91,8 +98,9 @@ impl Motion {
             sums: [0.0; 2],
             is_spoiled: false,
             blocks: 0,
-            low: [0.0; 2],
-            high: [0.0; 2],
+            low: [0.0; 4],
+            high: [0.0; 4],
+            lagged_m: f32::NAN,
             before: [0.0; 2],
             is_still: false,
             has_moved: false,
@@ -150,9 +158,10 @@ impl Motion {
     /// Begins a run, at 0 V. Without a plausible sensor what was known of the film stays.
     pub fn begin_run(&mut self) {
         if self.offset_m.is_nan() && !self.is_spoiled {
-            self.end_block(false);
+            self.end_block(0.0, false);
         }
         (self.ticks, self.sums, self.blocks, self.is_still) = (0, [0.0; 2], 0, false);
+        self.lagged_m = f32::NAN;
         (self.means, self.peak_m) = ([0.0; 2], 0.0);
         if !self.is_spoiled {
             (self.softness, self.presumed) = (self.min_softness, 0);
@@ -169,9 +178,17 @@ impl Motion {
         }
     }
 
-    /// Records the sensor and the model of a tick, m. `is_plausible`: whether the sensor is. `runs`: whether a law commands the voltage.
+    /// Records the sensor and the model of a tick, m, and, where a block ends, how far the load moves the model slowly, m. `is_plausible`: whether the
+    /// sensor is. `runs`: whether a law commands the voltage.
     #[inline]
-    pub fn record(&mut self, sensor_m: f32, model_m: f32, is_plausible: bool, runs: bool) {
+    pub fn record(
+        &mut self,
+        sensor_m: f32,
+        model_m: f32,
+        drive_m: impl FnOnce() -> f32,
+        is_plausible: bool,
+        runs: bool,
+    ) {
         if !(is_plausible || runs) {
             // Where a film at 0 V is shows from the next plausible value on.
             (self.ticks, self.sums, self.is_spoiled) = (0, [0.0; 2], true);
@@ -181,7 +198,7 @@ impl Motion {
         self.ticks += 1;
         self.sums = [self.sums[0] + sensor_m, self.sums[1] + model_m];
         if self.ticks >= self.block_ticks {
-            self.end_block(runs);
+            self.end_block(drive_m(), runs);
         }
     }
 
@@ -202,7 +219,7 @@ impl Motion {
 
     #[inline(never)] // once in many ticks
     #[allow(clippy::cast_precision_loss)] // at most 10 s
-    fn end_block(&mut self, runs: bool) {
+    fn end_block(&mut self, drive_m: f32, runs: bool) {
         let ticks = self.ticks as f32;
         let means = self.sums.map(|sum| sum / ticks);
         let is_plausible = !self.is_spoiled && (means[0] - means[1]).is_finite();
@@ -214,16 +231,19 @@ impl Motion {
             }
             return;
         }
-        self.compare(means);
+        self.compare(means, drive_m);
         if is_plausible {
             self.soften(means);
         }
     }
 
     /// Compares the motion of sensor and model in this window.
-    fn compare(&mut self, means: [f32; 2]) {
+    fn compare(&mut self, [sensor_m, model_m]: [f32; 2], drive_m: f32) {
+        let behind_m = drive_m - self.lagged_m;
+        self.lagged_m = if behind_m.is_finite() { self.lagged_m + behind_m / LAG_BLOCKS } else { drive_m };
+        let means = [sensor_m, model_m, drive_m, self.lagged_m];
         // NaN is not still.
-        if self.blocks == 0 || !means[0].is_finite() {
+        if self.blocks == 0 || !sensor_m.is_finite() {
             (self.blocks, self.low, self.high, self.before) = (0, means, means, [0.0; 2]);
         }
         for (index, mean) in means.into_iter().enumerate() {
@@ -232,14 +252,19 @@ impl Motion {
                 *high = if mean > *high { mean } else { *high };
             }
         }
-        let [sensor_m, model_m] = [self.high[0] - self.low[0], self.high[1] - self.low[1]];
-        let before_m = self.before[1];
-        let least_m = MOVES * self.band_m + MOVES_SHARE * self.high[1].abs();
-        self.is_still = before_m > least_m && MOVES * sensor_m <= before_m;
+        let [sensor_m, model_m, drive_m, lagged_m] = [0, 1, 2, 3].map(|k: usize| self.high[k] - self.low[k]);
+        let driven_m = BY_DRIVE * if drive_m > lagged_m { drive_m } else { lagged_m };
+        let moved_m = if model_m < driven_m { model_m } else { driven_m };
+        self.is_still = self.is_behind(self.before[1]);
         self.has_moved |= model_m > MOVES_ALONG * self.band_m && 2.0 * sensor_m > model_m;
-        self.before = [model_m, self.before[0]];
-        let may_be_still = model_m > least_m && MOVES * sensor_m <= model_m;
-        self.blocks = if self.blocks >= BLOCKS && !may_be_still { 0 } else { self.blocks.saturating_add(1) };
+        self.before = [moved_m, self.before[0]];
+        self.blocks = if self.blocks >= BLOCKS && !self.is_behind(moved_m) { 0 } else { self.blocks.saturating_add(1) };
+    }
+
+    /// Whether the sensor is far behind a model that has moved by `moved_m` (m) in this window.
+    fn is_behind(&self, moved_m: f32) -> bool {
+        let least_m = MOVES * self.band_m + MOVES_SHARE * self.high[1].abs();
+        moved_m > least_m && MOVES * (self.high[0] - self.low[0]) <= moved_m
     }
 
     /// Updates how soft the film is.

@@ -12,13 +12,24 @@ const LIMITS: PlausibilityLimits =
 
 /// A sensor of noise `noise_m` (rms) whose film is at `film_m(tick)`, and its model at `model_m(tick)`: the ticks in which it counts as frozen.
 fn frozen_ticks(noise_m: f64, ticks: u32, film_m: impl Fn(u32) -> f64, model_m: impl Fn(u32) -> f64) -> Vec<u32> {
+    frozen_beside(noise_m, ticks, film_m, |tick| [model_m(tick); 2])
+}
+
+/// The same of a model and its drive.
+fn frozen_beside(
+    noise_m: f64,
+    ticks: u32,
+    film_m: impl Fn(u32) -> f64,
+    beside_m: impl Fn(u32) -> [f64; 2],
+) -> Vec<u32> {
     let (normal, mut random) = (Normal::new(0.0, noise_m).expect("valid"), Pcg64::seed_from_u64(11));
     let mut motion = Motion::new(LIMITS);
-    motion.record(0.0, 0.0, true, false);
+    motion.record(0.0, 0.0, || 0.0, true, false);
     motion.begin_run();
     let is_frozen = |&tick: &u32| {
         let sensor_m = film_m(tick) + normal.sample(&mut random);
-        motion.record(sensor_m as f32, model_m(tick) as f32, true, true);
+        let [model_m, drive_m] = beside_m(tick).map(|metres| metres as f32);
+        motion.record(sensor_m as f32, model_m, || drive_m, true, true);
         motion.is_frozen(true)
     };
     (0..ticks).filter(is_frozen).collect()
@@ -61,6 +72,30 @@ fn a_sensor_that_moves_late_and_little_is_not_frozen() {
     assert_eq!(frozen_ticks(3e-6, 3000, |tick| 0.25 * model_m(tick.saturating_sub(99)), model_m), [0; 0]);
 }
 
+/// A model with less damping than its film swings on at its own resonance after a kick, of which its film keeps nothing. A sensor that is frozen while the drive moves
+/// is reported as without the swing.
+#[test]
+fn a_model_that_swings_by_itself_shows_no_frozen_sensor() {
+    for hz in [1.7, 2.5, 3.3, 5.0] {
+        for kicked in (700..1200).step_by(23) {
+            let swing = |tick: u32, damping: f64| {
+                let angle = std::f64::consts::TAU * hz * f64::from(tick.saturating_sub(kicked)) / 1000.0;
+                20e-6 * (-damping * angle).exp() * angle.sin()
+            };
+            let kick = |tick: u32| if (kicked..kicked + 80).contains(&tick) { 0.2e-3 } else { 0.0 };
+            // A film that creeps back, or is driven from 3 s on.
+            let driven = |tick: u32| 0.2e-6 * f64::from(tick.saturating_sub(3000));
+            let rests = |tick: u32| 0.2e-3 - 2e-9 * f64::from(tick);
+            let film = |tick| rests(tick) + swing(tick, 0.3);
+            let beside = |tick| [rests(tick) + swing(tick, 0.02), kick(tick)];
+            assert_eq!(frozen_beside(2e-6, 4000, film, beside).len(), 0, "{hz} Hz, {kicked}");
+            let beside = |tick| [rests(tick) + swing(tick, 0.02) + driven(tick), kick(tick) + driven(tick)];
+            let first = frozen_beside(2e-6, 4000, film, beside)[0];
+            assert!((3100..3900).contains(&first), "{hz} Hz, {kicked}: {first}");
+        }
+    }
+}
+
 /// A film that moves again is no longer reported, and one that need not move is only missed once it has moved by half of what its
 /// model does.
 #[test]
@@ -75,7 +110,7 @@ fn a_sensor_that_moves_again_is_not_frozen() {
         motion.begin_run();
         let frozen = (0..1000u16).any(|tick| {
             let model_m = 0.5e-6 * f32::from(tick);
-            motion.record(share * model_m, model_m, true, true);
+            motion.record(share * model_m, model_m, || model_m, true, true);
             motion.is_frozen(false)
         });
         (frozen, motion.is_frozen(true))
@@ -93,27 +128,27 @@ fn a_film_is_as_soft_as_plausible_values_show() {
     motion.begin_run();
     assert_eq!(motion.furthest(1e-3), 1e-3);
     for (factor, is_plausible, expected) in [(2.0, false, 1.0), (1.3, true, 1.3), (0.5, true, 1.3), (9.0, true, 4.0)] {
-        (0..3000).for_each(|_| motion.record(factor * 1e-3, 1e-3, is_plausible, true));
+        (0..3000).for_each(|_| motion.record(factor * 1e-3, 1e-3, || 1e-3, is_plausible, true));
         let softness = motion.furthest(1e-3) / 1e-3;
         assert!((softness - expected).abs() < 0.015 * expected, "{factor}: {softness}");
     }
     // 0.1 mm of creep that the model does not know, at 0 V.
-    (0..100).for_each(|_| motion.record(0.3e-3, 0.2e-3, true, false));
+    (0..100).for_each(|_| motion.record(0.3e-3, 0.2e-3, || 0.2e-3, true, false));
     motion.begin_run();
     assert!((motion.furthest(1e-3) - 1.1e-3).abs() < 1e-9);
     // It is no softness.
-    (0..3000).for_each(|_| motion.record(1.1e-3, 1e-3, true, true));
+    (0..3000).for_each(|_| motion.record(1.1e-3, 1e-3, || 1e-3, true, true));
     assert!((motion.furthest(1e-3) - 1.1e-3).abs() < 1e-9);
     // Nor is what is left of a load, where film and model creep back differently.
-    (0..3000).for_each(|_| motion.record(0.4e-3, 0.2e-3, true, true));
+    (0..3000).for_each(|_| motion.record(0.4e-3, 0.2e-3, || 0.2e-3, true, true));
     assert!(motion.furthest(1e-3) < 1.25e-3);
     // Without a plausible value between two runs, what was known of the film stays.
     let mut motion = Motion::new(LIMITS);
     motion.begin_run();
-    (0..3000).for_each(|_| motion.record(1.3e-3, 1e-3, true, true));
+    (0..3000).for_each(|_| motion.record(1.3e-3, 1e-3, || 1e-3, true, true));
     let known_m = motion.furthest(1e-3);
     assert!(known_m > 1.28e-3);
-    (0..3000).for_each(|_| motion.record(0.0, 0.0, false, false));
+    (0..3000).for_each(|_| motion.record(0.0, 0.0, || 0.0, false, false));
     motion.begin_run();
     assert_eq!(motion.furthest(1e-3), known_m);
 }
@@ -128,7 +163,7 @@ fn a_film_is_presumed_softer_until_it_is_shown() {
         motion.begin_run();
         motion.presume_softer();
         let mut blocks = |count: u16| {
-            (0..count * block_ticks).for_each(|_| motion.record(share * 1e-3, 1e-3, true, true));
+            (0..count * block_ticks).for_each(|_| motion.record(share * 1e-3, 1e-3, || 1e-3, true, true));
             softness(&motion)
         };
         let (first, last, later) = (blocks(1), blocks(7), blocks(40));
@@ -137,7 +172,7 @@ fn a_film_is_presumed_softer_until_it_is_shown() {
         motion.begin_run();
         assert_eq!(softness(&motion), 1.0);
         // Without a plausible sensor nothing would end it.
-        motion.record(f32::NAN, 0.0, false, false);
+        motion.record(f32::NAN, 0.0, || 0.0, false, false);
         motion.begin_run();
         motion.presume_softer();
         assert_eq!(softness(&motion), 1.0);

@@ -43,6 +43,9 @@ struct Bench {
     mode: Mode,
     reference_is_set: bool,
     motion: Motion,
+    /// Displacement per slow change of the load, m/N, and the load of the tick before, N.
+    compliance_m_per_n: f32,
+    load_n: f32,
     /// Share by which its law may be behind the film.
     margin: f32,
     last: Option<Telemetry>,
@@ -58,6 +61,9 @@ impl Bench {
         let (law, drive): (Law<f32, Watched>, _) = (observer.law().coarser(), *observer.drive());
         let stroke_m = f64::from(parameters.limits.max_displacement_m);
         let margin = observer.law().margin_of(&law, stroke_m, parameters.actuator.stretch_coupling) as f32;
+        let compliance =
+            |at_m| observer.law().frequency_response_about(parameters.control.bandwidth_hz.into(), at_m).l1_norm();
+        let compliance_m_per_n = compliance(0.0).max(compliance(stroke_m)) as f32;
         let mut device = Device::new(Some(Cause::Watchdog));
         device.stream(1);
         Self {
@@ -68,6 +74,8 @@ impl Bench {
             law,
             drive,
             motion: Motion::new(parameters.limits.sensor).beyond_by(margin),
+            compliance_m_per_n,
+            load_n: 0.0,
             margin,
             parameters,
             source: Source::new(seed),
@@ -270,7 +278,9 @@ impl Bench {
         let is_plausible = self.reference.sensor_faults.is_empty();
         let runs_on = after == DriverState::Running;
         let beside_m = if self.is_assumed && !runs_on { 0.0 } else { model_m };
-        self.motion.record(telemetry.displacement_m, beside_m, is_plausible, runs_on);
+        let drive_m = self.load_n * self.compliance_m_per_n;
+        self.motion.record(telemetry.displacement_m, beside_m, || drive_m, is_plausible, runs_on);
+        self.load_n = self.drive.load(applied_v).force_n;
         self.is_as_converted(&inputs, &telemetry);
         self.is_within_the_limits(applied_v, &telemetry);
         let status = self.device.status();
