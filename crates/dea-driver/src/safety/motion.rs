@@ -253,8 +253,8 @@ impl Motion {
             }
         }
         let [sensor_m, model_m, drive_m, lagged_m] = [0, 1, 2, 3].map(|k: usize| self.high[k] - self.low[k]);
-        let driven_m = BY_DRIVE * if drive_m > lagged_m { drive_m } else { lagged_m };
-        let moved_m = if model_m < driven_m { model_m } else { driven_m };
+        let explained_m = BY_DRIVE * if drive_m > lagged_m { drive_m } else { lagged_m };
+        let moved_m = if model_m < explained_m { model_m } else { explained_m };
         self.is_still = self.is_behind(self.before[1]);
         self.has_moved |= model_m > MOVES_ALONG * self.band_m && 2.0 * sensor_m > model_m;
         self.before = [moved_m, self.before[0]];

@@ -359,7 +359,15 @@ impl Recording {
     }
 
     fn complete(&self, column: &Column) -> Result<Samples> {
-        column.complete(&self.path, &self.time_s, "what drives the film must be complete; if it was logged more slowly than the sensor, use `fill` hold or `fill` linear")
+        let advice = match column
+            .covered_s(&self.time_s)
+            .map(|covered| covered.map(|time_s| ((time_s - self.time_s[0]) * 1e6).round() / 1e6))
+        {
+            Some([from_s, to_s]) => format!("import the part that is, with `from` {from_s} and `to` {to_s}"),
+            None => "if it was logged more slowly than the sensor, use `fill` hold or `fill` linear".into(),
+        };
+        let why = format!("what drives the film must be complete; {advice}");
+        column.complete(&self.path, &self.time_s, &why)
     }
 }
 

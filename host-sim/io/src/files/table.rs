@@ -52,9 +52,10 @@ impl Column {
         &self.cells
     }
 
-    /// The same column with other cells, whose gaps are at no line of the file.
+    /// The same column with other cells, of which the first empty one is on a line only if it is the same.
     pub(super) fn with_cells(&self, cells: Vec<Option<f64>>) -> Self {
-        let first_gap = cells.iter().any(Option::is_none).then_some(self.first_gap).flatten();
+        let gap = |cells: &[Option<f64>]| cells.iter().position(Option::is_none);
+        let first_gap = self.first_gap.filter(|_| gap(&cells).is_some_and(|row| gap(&self.cells) == Some(row)));
         Self { name: self.name.clone(), cells, first_gap }
     }
 
@@ -62,6 +63,13 @@ impl Column {
     pub fn present(&self, time_s: &[f64]) -> Samples {
         let (time_s, value) = time_s.iter().zip(&self.cells).filter_map(|(&t, cell)| cell.map(|v| (t, v))).unzip();
         Samples { time_s, value }
+    }
+
+    /// The times of the first and the last value (s), if no cell between them is empty.
+    pub(super) fn covered_s(&self, time_s: &[f64]) -> Option<[f64; 2]> {
+        let first = self.cells.iter().position(Option::is_some)?;
+        let last = self.cells.iter().rposition(Option::is_some)?;
+        self.cells[first..=last].iter().all(Option::is_some).then(|| [time_s[first], time_s[last]])
     }
 
     /// All cells.

@@ -51,9 +51,9 @@ fn written(content: &str, has_commas: bool) -> String {
             text += &format!("{}\n", filled(row, k, sample, has_commas));
         }
     }
-    let text = text.replace("\\t", "\t").replace("\\r", "\r").replace("\\n", "\n");
-    // Nothing is behind the end sign of DOS.
-    text.replace("\u{1a}\n", "\u{1a}")
+    let text = text.replace("\\t", "\t").replace("\\r", "\r").replace("\\n", "\n").replace("\\0", "\0");
+    // Nothing is behind the end sign of DOS, or zero bytes.
+    text.replace("\u{1a}\n", "\u{1a}").replace("\0\n", "\0")
 }
 
 /// `row` with the numbers of a sample.

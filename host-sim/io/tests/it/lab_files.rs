@@ -127,7 +127,13 @@ fn text_of_every_encoding_gives_the_samples() {
     );
     let mut gbk = b"\xca\xb1\xbc\xe4(s),\xb5\xe7\xd1\xb9(kV),\xce\xbb\xd2\xc6(mm)\n".to_vec();
     gbk.extend(rows(",", '.', usual).bytes());
+    let mut shift_jis = b"\x8e\x9e\x8a\xd4(s),\x93\x64\x88\xb3(kV),\x95\xcf\x88\xca(\x83\xcam)\n".to_vec();
+    shift_jis.extend(rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm * 1e3]).bytes());
+    // As the cells of a spreadsheet are handed on.
+    let of_day = |s: &Sample| format!("@0 {};{};{}\n", (86398.5 + s.time_s) % 86400.0, s.voltage_kv, s.laser_mm);
+    let of_days: String = samples().iter().map(of_day).collect();
     all_give_the_samples(&[
+        ("times of day across midnight", format!("Time;HV (kV);Laser (mm)\n{of_days}").into_bytes()),
         ("UTF-8 with a mark", [b"\xef\xbb\xbf".as_slice(), german.as_bytes()].concat()),
         ("UTF-16 LE with a mark", [b"\xff\xfe".as_slice(), &utf_16(&german, true)].concat()),
         ("UTF-16 BE with a mark", [b"\xfe\xff".as_slice(), &utf_16(&german, false)].concat()),
@@ -142,6 +148,7 @@ fn text_of_every_encoding_gives_the_samples() {
             )),
         ),
         ("GBK", gbk),
+        ("Shift_JIS", shift_jis),
     ]);
 }
 

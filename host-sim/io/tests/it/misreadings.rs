@@ -244,8 +244,33 @@ fn numbers_that_can_be_read_in_two_ways_are_a_question() {
 fn readings_out_of_range_are_missing_and_counted() {
     let folder = Folder::new();
     for word in [
-        "∞", "-∞", "OL", "-OL", "O.L", "Overload", "OVER", "-FFFFFFF", "+FFFFFFF", "1.#QNAN", "-1.#IND", "1.#INF",
-        "9.9E37", "9.91E+37", "-9.9e+37", "Inf", "-inf", "Infinity", "#DIV/0!", "NaN", "", "--", "n/a", "null", "BAD",
+        "∞",
+        "-∞",
+        "OL",
+        "-OL",
+        "O.L",
+        "Overload",
+        "OVER",
+        "-FFFFFFF",
+        "+FFFFFFF",
+        "1.#QNAN",
+        "-1.#IND",
+        "1.#INF",
+        "9.9E37",
+        "9.91E+37",
+        "-9.9e+37",
+        "Inf",
+        "-inf",
+        "Infinity",
+        "#DIV/0!",
+        "NaN",
+        "",
+        "--",
+        "n/a",
+        "null",
+        "-nan",
+        "-nan(ind)",
+        "BAD",
     ] {
         let text = format!("Time (s);HV (kV);Laser (mm)\n{}", rows(";", '.', usual)).replacen(";0.125;", ";0.1250;", 0);
         let lines: Vec<String> = text
@@ -262,7 +287,7 @@ fn readings_out_of_range_are_missing_and_counted() {
         let displacement = recording.displacement().expect("a laser");
         assert_eq!((displacement.value.len(), recording.time_s().len()), (22, 24), "{word}");
         let counted = recording.notes().iter().any(|note| note.contains("2 readings of \"Laser (mm)\""));
-        let is_plain = ["NaN", "", "--", "n/a", "null"].contains(&word);
+        let is_plain = ["NaN", "", "--", "n/a", "null", "-nan", "-nan(ind)"].contains(&word);
         assert_eq!(counted, !is_plain, "{word}: {:?}", recording.notes());
         // In the voltage they are a fault.
         let turned = lines.join("\n").replace("HV (kV);Laser (mm)", "Laser (mm);HV (kV)");
@@ -274,6 +299,9 @@ fn readings_out_of_range_are_missing_and_counted() {
         |s: &super::lab_files::Sample| format!("10:00:00.{:03} -> {};{};{}\n", 1, s.time_s, s.voltage_kv, s.laser_mm);
     let logged: String = super::lab_files::samples().iter().map(logged).collect();
     has(&folder.refused(format!("Time (s);HV (kV);Laser (mm)\n{logged}"), ""), &["film.txt"]);
+    let units = |s: &super::lab_files::Sample| format!("{} s;{} kV;{} mm\n", s.time_s, s.voltage_kv, s.laser_mm);
+    let units: String = super::lab_files::samples().iter().map(units).collect();
+    has(&folder.refused(format!("Time;HV;Laser\n{units}"), ""), &["is a number with its unit", "in the header"]);
     let text = format!("Time (s);HV (kV);Laser (mm)\n{}", rows(";", '.', usual)).replace(";0.05\n", ";broken\n");
     has(&folder.refused(text, ""), &["film.txt:2:", "\"broken\"", "not a number"]);
 }
@@ -292,6 +320,9 @@ fn channels_in_rows_are_refused() {
         let hints = hints(&format!("columns=voltage=3:kV repeated={repeated}"));
         let error = Recording::read_with(&path, &hints).expect_err("channels").to_string();
         has(&error, &["film.csv:", "\"channel\" changes within the rows of one time", "HV_kV", "laser_mm"]);
+        let path = folder.file("numbers.csv", text.replace("HV_kV", "1").replace("laser_mm", "2"));
+        let error = Recording::read_with(&path, &hints).expect_err("channels").to_string();
+        has(&error, &["\"channel\" changes within the rows of one time (\"1\", \"2\")"]);
     }
     let path = folder.file("film.csv", "Time (s);HV (kV);Note\n0;1;start\n0;3;ok\n1;4;ok\n1;6;ok\n2;5;\n2;7;ok\n");
     let recording = Recording::read_with(&path, &hints("repeated=mean")).expect("read");
@@ -317,6 +348,15 @@ fn a_drive_that_is_logged_slowly_is_a_question() {
     };
     assert_eq!(filled("hold")[..9], [0.0, 0.0, 0.0, 0.0, 400.0, 400.0, 400.0, 400.0, 800.0]);
     assert_eq!(filled("linear"), (0..17).map(|k| f64::from(100 * k)).collect::<Vec<_>>());
+    // What no way of filling knows is left out.
+    for (row, empty, words) in [
+        ("0;0;0", "0;;0", ["film.txt:2: HV (V) is empty", "`from` 2 and `to` 8"]),
+        ("8;1600;16", "8;;16", ["film.txt: HV (V) is empty at 6.5 s", "`from` 0 and `to` 6"]),
+    ] {
+        let path = folder.file("film.txt", text.replace(&format!("\n{row}\n"), &format!("\n{empty}\n")));
+        let drive = Recording::read_with(&path, &hints("fill=linear")).expect("read").drive();
+        has(&drive.expect_err("an end").to_string(), &words);
+    }
 }
 
 /// Lines that are left out of a file are noted.
@@ -369,10 +409,10 @@ fn a_response_that_is_missing_or_constant_is_reported() {
     );
     has(&folder.refused(with_laser, ""), &["2 columns may be the displacement"]);
     // A displacement in letters of another encoding, or beside names of this tool.
-    let mut japanese = b"Time (s),HV (kV),\x95\xcf\x88\xca(\x83\xcam)\n".to_vec();
-    japanese.extend(rows(",", '.', usual).bytes());
+    let mut russian = b"Time (s),HV (kV),\xd5\xee\xe4(\xec\xea\xec)\n".to_vec();
+    russian.extend(rows(",", '.', usual).bytes());
     let own = format!("time_s,voltage_kv,laser_mm\n{}", rows(",", '.', usual));
-    for (text, name) in [(japanese, ""), (own.into_bytes(), "\"laser_mm\"")] {
+    for (text, name) in [(russian, ""), (own.into_bytes(), "\"laser_mm\"")] {
         let remark = folder.read(text, "").expect("a drive").doubtful_response().expect("a remark");
         has(&remark, &["no displacement was read", name, "`columns` displacement=NUMBER:mm"]);
     }

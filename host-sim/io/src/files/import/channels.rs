@@ -15,7 +15,11 @@ struct Texts {
     example: [String; 2],
 }
 
-/// Refuses a text column at one of the `others` that changes within the rows of each time, which column `time` repeats.
+/// Names of columns that number the channels of their rows.
+const CHANNEL: &str = "channel chan ch kanal canal canale voie probe sensor signal 通道 チャンネル";
+
+/// Refuses a column of texts, or of numbers of channels, at one of the `others` that changes within the rows of each time, which column `time`
+/// repeats.
 ///
 /// # Errors
 ///
@@ -30,6 +34,12 @@ pub fn refuse_names_in_rows(
         return Ok(());
     }
     let indices: Vec<usize> = [time].into_iter().chain(others.iter().copied()).collect();
+    let numbers_channels = |index: &usize| {
+        let name = titles[*index].name.to_lowercase();
+        let mut words = name.split(|c: char| !c.is_alphabetic());
+        words.any(|word| CHANNEL.split(' ').any(|known| known == word))
+    };
+    let numbers: Vec<bool> = others.iter().map(numbers_channels).collect();
     let mut columns = vec![Texts::default(); others.len()];
     let (mut now, mut rows, mut repeated) = (String::new(), 0, 0);
     source.each(&indices, |_, values| {
@@ -37,19 +47,20 @@ pub fn refuse_names_in_rows(
         rows = if key == now { rows + 1 } else { 1 };
         repeated += usize::from(rows == 2);
         now = key;
-        for (column, value) in columns.iter_mut().zip(&values[1..]) {
+        for ((column, numbers), value) in columns.iter_mut().zip(&numbers).zip(&values[1..]) {
             let text = match value {
-                Value::Text(text) if clock::stamp(text).is_none() => Some(*text),
+                Value::Text(text) if clock::stamp(text).is_none() => Some((*text).to_owned()),
+                Value::Number(number) if *numbers && number.fract() == 0.0 => Some(number.to_string()),
                 _ => None,
             };
             if rows == 1 {
-                column.first = text.map(str::to_owned);
+                column.first = text;
             } else if let (Some(first), Some(text)) = (&column.first, text)
-                && first != text
+                && *first != text
                 && column.last != repeated
             {
                 (column.times, column.last) = (column.times + 1, repeated);
-                column.example = [first.clone(), text.to_owned()];
+                column.example = [first.clone(), text];
             }
         }
         Ok(())

@@ -25,13 +25,17 @@ impl Stamp {
     }
 }
 
-/// Reads `text` as `10:00:01.5`, `10:00:01:500`, `10:00:01 PM`, `00:01.5` or with a date before it, as `2026-11-24T10:00:01Z` or `24.11.2026 10:00:01`.
+/// Reads `text` as `10:00:01.5`, `10:00:01:500`, `10:00:01 PM`, `00:01.5` or with a date before it or behind it, as `2026-11-24T10:00:01Z`,
+/// `20261124T100001` or `24.11.2026 10:00:01 UTC`.
 pub fn stamp(text: &str) -> Option<Stamp> {
     let text = text.trim();
     if let Some((days, seconds)) = text.strip_prefix('@').and_then(|cell| cell.split_once(' ')) {
-        // A cell of a spreadsheet that is a date or a time.
-        let date = Date { days: [Some(days.parse().ok()?); 3] };
-        return Some(Stamp { of_day_s: seconds.parse().ok()?, date: Some(date) });
+        // A cell of a spreadsheet that is a date, or a time of day alone: the 0th day.
+        let date = Some(days.parse().ok()?).filter(|days| *days != 0).map(|days| Date { days: [Some(days); 3] });
+        return Some(Stamp { of_day_s: seconds.parse().ok()?, date });
+    }
+    if let Some(spaced) = spaced(text) {
+        return stamp(&spaced);
     }
     let colon = text.find(':')?;
     let start = text[..colon]
@@ -46,7 +50,23 @@ pub fn stamp(text: &str) -> Option<Stamp> {
         Some(days) => Some(Date { days: [Some(days.ok()?); 3] }),
         None => Some(date(before)?),
     };
+    let (time, date) = match time.split_once(' ').and_then(|(time, after)| Some((time, self::date(after)?))) {
+        Some((time, after)) if date.is_none() => (time, Some(after)),
+        _ => (time, date),
+    };
     Some(Stamp { of_day_s: of_day(time)?, date })
+}
+
+/// `20261124T100001.5` with the signs between its parts.
+fn spaced(text: &str) -> Option<String> {
+    let (date, time) = text.split_once(['T', 't'])?;
+    let whole = time.find(|c: char| !c.is_ascii_digit()).unwrap_or(time.len());
+    let is_compact = date.len() == 8 && date.bytes().all(|b| b.is_ascii_digit()) && whole == 6;
+    let part = |text: &str, at: std::ops::Range<usize>| text[at].to_owned();
+    is_compact.then(|| {
+        let date = [part(date, 0..4), part(date, 4..6), part(date, 6..8)].join("-");
+        format!("{date} {}", [part(time, 0..2), part(time, 2..4), part(time, 4..time.len())].join(":"))
+    })
 }
 
 /// Whether `text` is a time of day, if perhaps one that can be read in two ways.
@@ -61,13 +81,13 @@ pub fn is_two_parts(text: &str) -> bool {
 }
 
 fn of_day(text: &str) -> Option<f64> {
-    let lower = text.to_lowercase();
+    let lower = text.to_lowercase().replace("a.m.", "am").replace("p.m.", "pm");
     let (clock, half) = match (lower.strip_suffix("am"), lower.strip_suffix("pm")) {
         (Some(clock), _) => (clock.trim_end(), Some(0.0)),
         (_, Some(clock)) => (clock.trim_end(), Some(12.0)),
         _ => (lower.as_str(), None),
     };
-    let clock = clock.strip_suffix('z').unwrap_or(clock);
+    let clock = ["z", "utc", "gmt"].iter().find_map(|zone| clock.strip_suffix(zone)).unwrap_or(clock).trim_end();
     // Where clocks are changed, the zone changes with them.
     let (clock, zone_s) = match clock.find(['+', '-']) {
         Some(at) => (clock[..at].trim_end(), zone(&clock[at..])?),

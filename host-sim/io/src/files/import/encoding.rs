@@ -1,6 +1,6 @@
 //! Text in the encodings of other programs.
 
-use encoding_rs::{Encoding, GBK, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
+use encoding_rs::{Encoding, GBK, SHIFT_JIS, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 
 /// The text of a file in one encoding.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,7 +11,7 @@ pub struct Decoded {
     pub text: String,
 }
 
-/// The texts that `bytes` may be: one, or two where no mark and no rule of an encoding separates them.
+/// The texts that `bytes` may be: one, or several where no mark and no rule of an encoding separates them.
 ///
 /// # Errors
 ///
@@ -31,8 +31,15 @@ pub fn readings(bytes: &[u8]) -> Result<Vec<Decoded>, String> {
     if let Some(text) = decoded(UTF_8, bytes) {
         return Ok(vec![text]);
     }
-    let found: Vec<Decoded> = [GBK, WINDOWS_1252].into_iter().filter_map(|encoding| decoded(encoding, bytes)).collect();
+    let found: Vec<Decoded> =
+        [SHIFT_JIS, GBK, WINDOWS_1252].into_iter().filter_map(|encoding| decoded(encoding, bytes)).collect();
     if found.is_empty() { Err("is text in no encoding that is known here; save it as UTF-8".into()) } else { Ok(found) }
+}
+
+/// Length of a text without zero bytes that are at its end alone.
+pub fn without_zeros(bytes: &[u8]) -> usize {
+    let length = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    if bytes[..length].contains(&0) { bytes.len() } else { length }
 }
 
 fn decoded(encoding: &'static Encoding, bytes: &[u8]) -> Option<Decoded> {

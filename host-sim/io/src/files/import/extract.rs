@@ -35,7 +35,7 @@ pub fn read(path: &Path, mut file: File, request: &Request<'_>, hints: &Hints) -
     file.by_ref().take(HEAD).read_to_end(&mut bytes).map_err(unreadable)?;
     let own = hints.allow_own_names() && has_own_names(&String::from_utf8_lossy(&bytes), request);
     let kind = if own { kind::Kind::Text } else { kind::detect(&bytes).map_err(|cause| Error::file(path, cause))? };
-    if !own && kind == kind::Kind::Text && bytes.contains(&0) {
+    if !own && kind == kind::Kind::Text && bytes[..encoding::without_zeros(&bytes)].contains(&0) {
         // Before a gigabyte of it is read.
         encoding::readings(&bytes).map_err(|cause| Error::file(path, cause))?;
     }
@@ -48,14 +48,22 @@ pub fn read(path: &Path, mut file: File, request: &Request<'_>, hints: &Hints) -
     if hints.sheet.is_some() && kind != kind::Kind::Workbook {
         return Err(Error::field("sheet", format!("{} is no workbook", shown(path))));
     }
-    match kind {
+    let zeros = if kind == kind::Kind::Text { bytes.len() - encoding::without_zeros(&bytes) } else { 0 };
+    bytes.truncate(bytes.len() - zeros);
+    let series = match kind {
         _ if own => own_names(path, bytes, request, hints),
         kind::Kind::Text => text(path, &bytes, request, hints),
         kind::Kind::Workbook => spreadsheet(path, bytes, request, hints),
         kind::Kind::Mat => variables(path, mat::contents(&bytes), request, hints),
         kind::Kind::OldMat => variables(path, mat::contents_of_version_4(&bytes), request, hints),
         kind::Kind::MatHdf5 => variables(path, mat_hdf5::contents(bytes), request, hints),
+    };
+    let mut series = series?;
+    if zeros > 0 {
+        let note = "the file ends with zero bytes, as after a loss of power: rows may be missing at its end";
+        series.understood.notes.push(note.into());
     }
+    Ok(series)
 }
 
 /// Reads CSV text with the names of this tool; `path` is what errors name.
@@ -126,9 +134,11 @@ fn text(path: &Path, bytes: &[u8], request: &Request<'_>, hints: &Hints) -> Resu
             if one.len() < other.len() { (meaning(one), meaning(other)) } else { (meaning(other), meaning(one)) };
         few.iter().any(|column| !many.contains(column)) && by_name(one).min(by_name(other)) > 0
     };
-    match (understood.as_slice(), fault) {
-        ([], Some(fault)) => Err(fault),
-        ([(first, one), (second, other)], _) if is_rival(one, other) => {
+    let mut pairs = (1..understood.len()).flat_map(|k| understood[..k].iter().map(move |first| (first, k)));
+    let rivals = pairs.find(|((_, one), k)| is_rival(one, &understood[*k].1));
+    match (rivals.map(|(first, k)| [first, &understood[k]]), understood.as_slice(), fault) {
+        (_, [], Some(fault)) => Err(fault),
+        (Some([(first, one), (second, other)]), ..) => {
             let shown = |source: &Source<'_>, chosen: &[Chosen]| {
                 let titles = source.titles();
                 let names: Vec<&str> = chosen.iter().map(|column| titles[column.index].name.as_str()).collect();
@@ -142,7 +152,7 @@ fn text(path: &Path, bytes: &[u8], request: &Request<'_>, hints: &Hints) -> Resu
             Err(Error::file(path, cause))
         }
         // More columns that are known by their names: the better reading of the letters.
-        (readings, _) => {
+        (None, readings, _) => {
             let best = readings.iter().rev().max_by_key(|(_, chosen)| by_name(chosen));
             let (source, chosen) = best.ok_or_else(|| Error::file(path, "no text"))?;
             extract(path, source, chosen, hints)

@@ -54,7 +54,15 @@ pub fn own(titles: &[Title], request: &Request<'_>) -> Result<Option<Vec<Chosen>
         };
         let Some((quantity, unit)) = request.wanted.iter().find_map(of_title) else { continue };
         if let Some(other) = found.iter().find(|column| column.quantity == quantity) {
-            return Err(format!("both {} and {}; leave one of them", titles[other.index].name, title.name));
+            let (one, two) = (other.index + 1, index + 1);
+            return Err(format!(
+                "columns {one} and {two} are both the {}, {:?} and {:?}; choose one with `columns` {}={one} or {}={two}",
+                quantity.name(),
+                titles[other.index].name,
+                title.name,
+                quantity.name(),
+                quantity.name()
+            ));
         }
         let factor = match units::read(unit, false) {
             units::Read::Unit(unit) => unit.factor,
@@ -336,6 +344,8 @@ impl Titles<'_> {
                 chosen("", 1.0, By::Preamble)
             }
             UnitSense::MilliOrMega => Err(self.no_unit(quantity, index, "has a unit that may be milli or mega")),
+            // Its first row is the error.
+            _ if quantity == Quantity::Time && self.titles[index].text => chosen("time of day", 1.0, by),
             _ => Err(self.no_unit(quantity, index, "has no unit")),
         }
     }

@@ -16,6 +16,8 @@ pub struct Title {
     pub unit: Option<String>,
     /// Whether its cells are times of day.
     pub clock: bool,
+    /// Whether its cells are neither that nor numbers.
+    pub text: bool,
     /// Whether its first numbers increase from row to row, as times do.
     pub increases: bool,
 }

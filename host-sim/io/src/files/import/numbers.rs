@@ -61,7 +61,8 @@ pub fn cell(text: &str, decimal: Decimal) -> Cell<'_> {
         None => {}
     }
     match text.to_lowercase().as_str() {
-        "" | "nan" | "na" | "n/a" | "#n/a" | "null" | "none" | "-" | "--" | "---" => Cell::Nothing,
+        "" | "nan" | "-nan" | "nan(ind)" | "-nan(ind)" | "na" | "n/a" | "#n/a" | "null" | "none" | "-" | "--"
+        | "---" => Cell::Nothing,
         other if is_out_of_range(other.trim_start_matches(['+', '-', '>', '<'])) => Cell::OutOfRange,
         _ => Cell::Text(text),
     }

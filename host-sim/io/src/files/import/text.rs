@@ -265,6 +265,7 @@ impl<'a> TextTable<'a> {
         let mut titles = table.titles();
         for (index, title) in titles.iter_mut().enumerate() {
             title.clock = first_cells(index).take(3).any(clock::is_clock);
+            title.text = first_cells(index).take(3).all(|cell| dialect.kind(cell) == Kind::Text);
             let values: Vec<f64> = first_cells(index).filter_map(|cell| numbers::number(cell, table.decimal)).collect();
             title.increases = numbers::increase(&values);
         }
@@ -374,7 +375,9 @@ impl<'a> TextTable<'a> {
         let is_whole = move |line: &Line<'_>| cut_off.is_none_or(|cut_off| !std::ptr::eq(line.text, cut_off));
         all.filter(move |line| !is_comment(line.text) && is_whole(line)).map(|line| {
             let cells = line.cells(self.separator)?;
-            if cells.iter().skip(self.columns).any(|cell| !cell.is_empty()) {
+            // Behind its values a row may have a remark, as of an event.
+            let more = cells.iter().skip(self.columns).find(|cell| !cell.is_empty());
+            if more.is_some_and(|cell| !cell.starts_with('#')) {
                 return Err((line.number, more_cells(cells.len(), self.columns, self.separator)));
             }
             if self.separator == Separator::Blanks && cells.len() < self.columns {
@@ -479,6 +482,14 @@ fn refuse_shifted(head: &Head, row: &Line<'_>, columns: usize, separator: Separa
 fn no_rows(lines: &[Line<'_>]) -> String {
     let first = lines.first().map_or("", |line| line.text.trim());
     let begin: String = first.chars().take(60).collect();
+    // Below a header.
+    let cells = lines.iter().take(FIRST).skip(1).flat_map(|line| Separator::ALL.map(|other| other.split(line.text)));
+    if let Some(cell) = cells.flatten().find(|cell| units::is_behind_number(cell)) {
+        return format!(
+            "no rows of numbers: {cell:?} is a number with its unit; write the unit in the header, as in \"Voltage (kV)\", and numbers alone \
+             below it, if all of a column have the same"
+        );
+    }
     format!(
         "no rows of numbers; there must be a header, such as time_s,voltage_v,displacement_m of a recording, and two rows of numbers at \
          least, separated by commas, semicolons, tabs or blanks; this begins with {begin:?}"

@@ -68,9 +68,12 @@ impl Times {
                 }
                 None => {
                     let begin: String = text.chars().take(40).collect();
-                    return Err(format!(
-                        "{name} is {begin:?}, which is not a time; remove the line, or begin it with # if it is a remark"
-                    ));
+                    let advice = if self.clock_s.is_empty() {
+                        "write seconds, 10:00:01.5 or 2026-11-24 10:00:01.5, or state the rate of the rows with `rate_hz`"
+                    } else {
+                        "remove the line, or begin it with # if it is a remark"
+                    };
+                    return Err(format!("{name} is {begin:?}, which is not a time; {advice}"));
                 }
             },
             value => si(name, value, factor)?,

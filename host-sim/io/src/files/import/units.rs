@@ -1,6 +1,7 @@
 //! Units as headers have them, with their factors to SI.
 
 use super::Quantity;
+use super::numbers::{self, Decimal};
 
 /// A unit of one of the quantities.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,6 +69,13 @@ pub enum Read {
     MilliOrMega,
     /// None of them.
     Other,
+}
+
+/// Whether `cell` is a number with its unit.
+pub fn is_behind_number(cell: &str) -> bool {
+    let (number, unit) = cell.split_at(cell.find(char::is_alphabetic).unwrap_or(cell.len()));
+    let is_number = [Decimal::Point, Decimal::Comma].iter().any(|d| numbers::number(number.trim(), *d).is_some());
+    is_number && matches!(read(unit, false), Read::Unit(_))
 }
 
 /// Reads `text` as a unit. The case of a symbol counts (Nm is a torque, nm a length), except in a header in `capitals`.

@@ -7,13 +7,13 @@ pub(super) const WORDS: &[(Quantity, &str)] = &[
     (Quantity::Time, "time zeit temps tiempo tempo elapsed timestamp 时间 時間"),
     (
         Quantity::Voltage,
-        "voltage volts hv highvoltage spannung hochspannung tension voltaje tensione 电压 電壓 高压 vmon umon",
+        "voltage volts hv highvoltage spannung hochspannung tension voltaje tensione 电压 電壓 高压 電圧 vmon umon",
     ),
     (Quantity::Force, "force load loadcell kraft fuerza forza 力 载荷"),
     (
         Quantity::Displacement,
         "displacement stroke laser extension elongation deflection travel position weg hub auslenkung verschiebung \
-    deplacement déplacement desplazamiento spostamento 位移",
+    deplacement déplacement desplazamiento spostamento 位移 変位",
     ),
 ];
 
