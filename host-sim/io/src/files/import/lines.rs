@@ -55,3 +55,8 @@ pub fn lines(text: &str, mut number: u64) -> impl Iterator<Item = Line<'_>> {
 pub fn is_comment(line: &str) -> bool {
     line.trim_start().starts_with(['#', '%'])
 }
+
+/// Whether a cell behind the values of its row is a remark, as of an event.
+pub fn is_event(cell: &str) -> bool {
+    cell.starts_with('#')
+}

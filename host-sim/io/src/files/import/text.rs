@@ -4,7 +4,7 @@ use super::clock;
 use super::cut_off;
 use super::header::{self, Head, TopRow};
 use super::interval;
-use super::lines::{Line, is_comment, lines};
+use super::lines::{Line, is_comment, is_event, lines};
 use super::names::Title;
 use super::numbers::{self, Cell, Decimal, Signs};
 use super::runs;
@@ -182,7 +182,8 @@ impl<'a> TextTable<'a> {
             return Ok(None);
         }
         let data_line = rows[first].number;
-        let columns = separator.split(rows[first].text).len();
+        let cells = separator.split(rows[first].text);
+        let columns = cells.iter().position(|cell| is_event(cell)).unwrap_or(cells.len());
         let top = |line: &Line<'a>, comment: bool| {
             let text = if comment { line.text.trim_start_matches(['#', '%', '!', ' ']) } else { line.text };
             TopRow { line: line.number, cells: header_cells(text, separator, columns), comment }
@@ -375,9 +376,8 @@ impl<'a> TextTable<'a> {
         let is_whole = move |line: &Line<'_>| cut_off.is_none_or(|cut_off| !std::ptr::eq(line.text, cut_off));
         all.filter(move |line| !is_comment(line.text) && is_whole(line)).map(|line| {
             let cells = line.cells(self.separator)?;
-            // Behind its values a row may have a remark, as of an event.
             let more = cells.iter().skip(self.columns).find(|cell| !cell.is_empty());
-            if more.is_some_and(|cell| !cell.starts_with('#')) {
+            if more.is_some_and(|cell| !is_event(cell)) {
                 return Err((line.number, more_cells(cells.len(), self.columns, self.separator)));
             }
             if self.separator == Separator::Blanks && cells.len() < self.columns {
