@@ -96,7 +96,7 @@ impl Recording {
             return (!has_response && !ignored.is_empty()).then(|| {
                 let names: Vec<String> = ignored.iter().take(MAX_SHOWN).map(|name| format!("{name:?}")).collect();
                 let names = names.join(", ");
-                format!("no displacement was read; if it is one of {names}: `columns` displacement=NUMBER:mm")
+                format!("no displacement was read; if it is one of {names}: `columns` displacement=NUMBER:UNIT")
             });
         };
         // Relaxation is a displacement that is held.
@@ -106,7 +106,7 @@ impl Recording {
         (others.peek().is_some() && others.all(|value| value == first)).then(|| {
             format!(
                 "the displacement is {} m in all rows: a size, such as a gap or a radius? Name the column of the displacement, as in \
-                 `columns` displacement=NUMBER:mm",
+                 `columns` displacement=NUMBER:UNIT",
                 rounded(*first)
             )
         })

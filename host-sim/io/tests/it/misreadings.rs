@@ -91,7 +91,16 @@ fn times_of_each_channel_are_a_question() {
         let text = format!("{one};HV (kV);{other};Laser (mm)\n{}", rows(";", '.', late));
         has(&folder.refused(&text, ""), &[one, other, "2 columns may be the time"]);
         let read = Recording::read_with(&folder.file("film.txt", text), &hints("columns=time=1"));
-        assert_eq!(difference(&read.expect("answered")), None, "{one}");
+        let read = read.expect("answered");
+        assert_eq!(difference(&read), None, "{one}");
+        has(&read.notes().join("; "), &["are not used", "at wrong times", other]);
+    }
+    // The same times in another unit, by another clock, or twice.
+    for same in [|t: f64| 1e3 * t, |t: f64| 1.7e9 + t, |t: f64| t] {
+        let rows = rows(";", '.', |s| vec![s.time_s, s.voltage_kv, same(s.time_s), s.laser_mm]);
+        let text = format!("Time (s);HV (kV);Laser time (s);Laser (mm)\n{rows}");
+        let read = Recording::read_with(&folder.file("film.txt", text), &hints("columns=time=1")).expect("read");
+        assert!(!read.notes().join("; ").contains("at wrong times"), "{:?}", read.notes());
     }
     // What does not increase is no time.
     let text = format!(
@@ -294,6 +303,18 @@ fn readings_out_of_range_are_missing_and_counted() {
         let drive = Recording::read_with(&folder.file("film.txt", turned), &hints(given)).expect("read").drive();
         has(&drive.expect_err("a gap").to_string(), &["film.txt:8:", "is empty", "`fill`"]);
     }
+    // Names that number the columns, as of a table without names.
+    for names in ["0;1;2", "1;2;3"] {
+        let counted =
+            folder.file("film.txt", format!("{names}\n{}", rows(";", '.', usual).replacen("0;0;", "5;0;", 1)));
+        let by_number = "columns=time=1:s,voltage=2:kV,displacement=3:mm";
+        let error = Recording::read_with(&counted, &hints(by_number)).expect_err("names").to_string();
+        has(&error, &["film.txt:1:", "the numbers of the columns or the first sample", "`header_line` 1"]);
+    }
+    // Milliseconds without the zeros before them: 5, 12, 19, 40 ms.
+    let unpadded = "10:00:00.5;0;1\n10:00:01.12;1;1\n10:00:02.19;2;1\n10:00:03.40;3;1\n10:00:04.271;4;1\n";
+    let text = format!("Time;HV (kV);Laser (mm)\n{unpadded}");
+    has(&folder.refused(text, ""), &["without leading zeros", "5 or 500 ms", "`rate_hz`"]);
     // What a terminal puts before each row is no zone of the time behind it.
     let logged =
         |s: &super::lab_files::Sample| format!("10:00:00.{:03} -> {};{};{}\n", 1, s.time_s, s.voltage_kv, s.laser_mm);
@@ -323,6 +344,16 @@ fn channels_in_rows_are_refused() {
         let path = folder.file("numbers.csv", text.replace("HV_kV", "1").replace("laser_mm", "2"));
         let error = Recording::read_with(&path, &hints).expect_err("channels").to_string();
         has(&error, &["\"channel\" changes within the rows of one time (\"1\", \"2\")"]);
+        let port = text.replace("HV_kV", "1").replace("laser_mm", "2").replace("channel", "Port");
+        let error = Recording::read_with(&folder.file("ports.csv", port), &hints).expect_err("ports").to_string();
+        has(&error, &["\"Port\" changes within the rows of one time"]);
+    }
+    // Each at times of its own, one by one or one behind another.
+    let late = |k: usize, channel: usize| format!("{};{channel};{k};{k}\n", 0.1 * k as f64);
+    for order in [|k: usize| k % 2 + 1, |k: usize| k / 12 + 1] {
+        let rows: String = (0..24).map(|k| late(k, order(k))).collect();
+        let error = folder.refused(format!("Time (s);Channel;HV (V);Laser (mm)\n{rows}"), "");
+        has(&error, &["film.txt:", "\"Channel\" changes, from \"1\" to \"2\"", "a column of its own"]);
     }
     let path = folder.file("film.csv", "Time (s);HV (kV);Note\n0;1;start\n0;3;ok\n1;4;ok\n1;6;ok\n2;5;\n2;7;ok\n");
     let recording = Recording::read_with(&path, &hints("repeated=mean")).expect("read");
@@ -414,13 +445,13 @@ fn a_response_that_is_missing_or_constant_is_reported() {
     let own = format!("time_s,voltage_kv,laser_mm\n{}", rows(",", '.', usual));
     for (text, name) in [(russian, ""), (own.into_bytes(), "\"laser_mm\"")] {
         let remark = folder.read(text, "").expect("a drive").doubtful_response().expect("a remark");
-        has(&remark, &["no displacement was read", name, "`columns` displacement=NUMBER:mm"]);
+        has(&remark, &["no displacement was read", name, "`columns` displacement=NUMBER:UNIT"]);
     }
     let drive = format!("time_s,voltage_kv\n{}", rows(",", '.', |s| vec![s.time_s, s.voltage_kv]));
     assert_eq!(folder.read(drive, "").expect("a drive").doubtful_response(), None);
     let size = format!("Time (s);HV (kV);CH2 (mm)\n{}", rows(";", '.', |s| vec![s.time_s, s.voltage_kv, 0.5]));
     let remark = folder.read(size, "").expect("read").doubtful_response().expect("a remark");
-    has(&remark, &["the displacement is 0.0005 m in all rows", "`columns` displacement=NUMBER:mm"]);
+    has(&remark, &["the displacement is 0.0005 m in all rows", "`columns` displacement=NUMBER:UNIT"]);
     // Relaxation.
     let held = "time_s,force_n,displacement_m\n0,1,1e-3\n1,0.8,1e-3\n2,0.7,1e-3\n";
     assert_eq!(folder.read(held, "").expect("read").doubtful_response(), None);

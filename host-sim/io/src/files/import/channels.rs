@@ -15,8 +15,10 @@ struct Texts {
     example: [String; 2],
 }
 
-/// Names of columns that number the channels of their rows.
-const CHANNEL: &str = "channel chan ch kanal canal canale voie probe sensor signal 通道 チャンネル";
+/// Names of columns that number the channels of their rows, and that may do so.
+const CHANNEL: &str = "channel chan ch kanal canal canale voie 通道 チャンネル";
+const SOURCE: &str = "probe sensor signal id port device axis input mux film module node actuator dut unit head cell scan slot \
+    address electrode mux no";
 
 /// Refuses a column of texts, or of numbers of channels, at one of the `others` that changes within the rows of each time, which column `time`
 /// repeats.
@@ -35,9 +37,8 @@ pub fn refuse_names_in_rows(
     }
     let indices: Vec<usize> = [time].into_iter().chain(others.iter().copied()).collect();
     let numbers_channels = |index: &usize| {
-        let name = titles[*index].name.to_lowercase();
-        let mut words = name.split(|c: char| !c.is_alphabetic());
-        words.any(|word| CHANNEL.split(' ').any(|known| known == word))
+        let Title { name, increases, .. } = &titles[*index];
+        !increases && (says(name, CHANNEL) || says(name, SOURCE))
     };
     let numbers: Vec<bool> = others.iter().map(numbers_channels).collect();
     let mut columns = vec![Texts::default(); others.len()];
@@ -77,4 +78,40 @@ pub fn refuse_names_in_rows(
         )),
         None => Ok(()),
     }
+}
+
+fn says(name: &str, known: &str) -> bool {
+    let name = name.to_lowercase();
+    let mut words = name.split(|c: char| !c.is_alphanumeric());
+    words.any(|word| known.split(' ').any(|known| known == word))
+}
+
+/// Refuses rows of several channels, each with times of its own, that a column at one of the `others` names.
+///
+/// # Errors
+///
+/// The column, two of its texts and what to do.
+pub fn refuse_channels(source: &Source<'_>, titles: &[Title], others: &[usize]) -> Result<(), (u64, String)> {
+    let named: Vec<usize> = others.iter().copied().filter(|index| says(&titles[*index].name, CHANNEL)).collect();
+    if named.is_empty() {
+        return Ok(());
+    }
+    let mut first: Vec<Option<String>> = vec![None; named.len()];
+    source.each(&named, |_, values| {
+        for ((first, value), index) in first.iter_mut().zip(values).zip(&named) {
+            let text = match value {
+                Value::Text(text) => (*text).to_owned(),
+                Value::Number(number) if number.fract() == 0.0 => number.to_string(),
+                _ => continue,
+            };
+            if *first.get_or_insert_with(|| text.clone()) != text {
+                let name = &titles[*index].name;
+                return Err(format!(
+                    "{name:?} changes, from {:?} to {text:?}: it names the channel of its row; write each channel as a column of its own",
+                    first.as_deref().unwrap_or_default()
+                ));
+            }
+        }
+        Ok(())
+    })
 }

@@ -80,6 +80,35 @@ pub fn is_two_parts(text: &str) -> bool {
     matches!(parts.as_slice(), [a, b] if [a, b].iter().all(|p| !p.is_empty() && p.len() <= 2 && p.bytes().all(|c| c.is_ascii_digit())))
 }
 
+/// How the fractions of seconds in a column are written.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Digits {
+    /// Fewest and most digits.
+    widths: Option<(usize, usize)>,
+    /// Whether one begins with 0, and one of several digits ends with it.
+    begins: bool,
+    ends: bool,
+}
+
+impl Digits {
+    /// Takes the cell `text`.
+    pub fn take(&mut self, text: &str) {
+        let behind =
+            text.rsplit(':').next().and_then(|seconds| seconds.split_once(['.', ','])).map(|(_, behind)| behind);
+        let Some(behind) = behind else { return };
+        let digits = &behind[..behind.find(|c: char| !c.is_ascii_digit()).unwrap_or(behind.len())];
+        let (fewest, most) = self.widths.unwrap_or((digits.len(), digits.len()));
+        self.widths = Some((fewest.min(digits.len()), most.max(digits.len())));
+        self.begins |= digits.len() > 1 && digits.starts_with('0');
+        self.ends |= digits.len() > 1 && digits.ends_with('0');
+    }
+
+    /// Whether they are numbers of milliseconds: neither all of one width nor without the zeros at their end.
+    pub fn are_milliseconds(&self) -> bool {
+        self.widths.is_some_and(|(fewest, most)| fewest < most && most == 3) && self.ends && !self.begins
+    }
+}
+
 fn of_day(text: &str) -> Option<f64> {
     let lower = text.to_lowercase().replace("a.m.", "am").replace("p.m.", "pm");
     let (clock, half) = match (lower.strip_suffix("am"), lower.strip_suffix("pm")) {

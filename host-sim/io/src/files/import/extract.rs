@@ -13,7 +13,10 @@ use super::shifted;
 use super::source::{Source, Value, si};
 use super::text::{Dialect, TextTable};
 use super::times::{Origin, Times};
-use super::{Hints, Quantity, Request, channels, encoding, fractions, kind, mat, mat_hdf5, names, reshaped, workbook};
+use super::{
+    Hints, Quantity, Request, channels, encoding, fractions, kind, mat, mat_hdf5, names, other_times, reshaped,
+    workbook,
+};
 use crate::error::{Error, Result, shown};
 use crate::files::table::Column;
 use crate::terminal::rounded;
@@ -301,11 +304,12 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     };
     let names: Vec<String> = chosen.iter().map(name).collect();
     refuse_ambiguous(source, &indices, &names).map_err(|(line, cause)| at(path, line, cause))?;
+    let others: Vec<usize> = (0..titles.len()).filter(|index| !indices.contains(index)).collect();
     if let (Some(_), Some(Chosen { quantity: Quantity::Time, index, .. })) = (hints.repeated_times, chosen.first()) {
-        let others: Vec<usize> = (0..titles.len()).filter(|index| !indices.contains(index)).collect();
         channels::refuse_names_in_rows(source, &titles, *index, &others)
             .map_err(|(line, cause)| at(path, line, cause))?;
     }
+    channels::refuse_channels(source, &titles, &others).map_err(|(line, cause)| at(path, line, cause))?;
     let interval_s = interval_s(source, &chosen, hints).map_err(|(line, cause)| at(path, line, cause))?;
     let mut times = Times::new(interval_s, hints.repeated_times.is_some(), source.starts());
     let mut columns: Vec<Column> = names.iter().map(|name| Column::empty(name.clone())).collect();
@@ -389,6 +393,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
         notes.push(format!("{filled} empty cells of what drives the film are filled"));
     }
     notes.extend(row_apart(&series.clock_s));
+    notes.extend(other_times::remarks(source, &chosen, &titles));
     if hints.rate_hz.is_some() && hints.choices.get(Quantity::Time).is_none() {
         let is_unused = |index: &usize| titles[*index].increases && names::is_time(&titles[*index].name);
         let unused = (0..titles.len()).filter(is_ignored).find(is_unused);

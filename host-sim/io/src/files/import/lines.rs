@@ -58,5 +58,5 @@ pub fn is_comment(line: &str) -> bool {
 
 /// Whether a cell behind the values of its row is a remark, as of an event.
 pub fn is_event(cell: &str) -> bool {
-    cell.starts_with('#')
+    cell.starts_with(['#', '%'])
 }

@@ -20,6 +20,7 @@ mod mat;
 mod mat_hdf5;
 mod names;
 mod numbers;
+mod other_times;
 mod reshaped;
 mod rows;
 mod runs;

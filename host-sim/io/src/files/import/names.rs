@@ -233,6 +233,12 @@ pub(super) fn is_time(name: &str) -> bool {
     Title::new(name).sense(&request, false).named == Some(Quantity::Time)
 }
 
+/// Whether a column of this `title` may be a time, by its words or its unit.
+pub(super) fn may_be_time(title: &Title) -> bool {
+    let has_unit = |sense: Sense| matches!(sense.unit, UnitSense::Known(unit) if unit.quantity == Quantity::Time);
+    is_time(&title.name) || has_unit(title.sense(&Request { wanted: &[], needed: &[] }, false))
+}
+
 /// A cell of a row of units, with brackets or without.
 pub fn unit_cell(text: &str, capitals: bool) -> UnitSense {
     let bare = text.trim().trim_matches(['(', ')', '[', ']', '{', '}', '（', '）', '<', '>']);

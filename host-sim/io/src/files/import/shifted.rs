@@ -1,5 +1,6 @@
 //! Rows whose cells are not below their names.
 
+use super::lines::Line;
 use super::numbers::{self, Decimal};
 use super::separator::Separator;
 
@@ -17,6 +18,28 @@ pub fn more_cells(cells: usize, titles: usize, separator: Separator) -> String {
         _ => "; every column needs a name, or name the columns by number with `columns`",
     };
     format!("{cells} cells below a header of {titles}{cause}")
+}
+
+/// Refuses rows without names of which the first counts the columns: it may be their names.
+pub fn refuse_counted(rows: &[Line<'_>], separator: Separator) -> Result<(), (u64, String)> {
+    let counts = |row: &Line<'_>| {
+        let cells: Vec<&str> = separator.split(row.text).into_iter().skip_while(|cell| cell.is_empty()).collect();
+        let first: Option<usize> = cells.first().and_then(|cell| cell.parse().ok());
+        let is_next = |(k, cell): (usize, &&str)| first.is_some_and(|first| cell.parse() == Ok(first + k));
+        cells.len() > 1 && first.is_some_and(|first| first < 2) && cells.iter().enumerate().all(is_next)
+    };
+    match rows {
+        [first, second, ..] if counts(first) && !counts(second) => Err((
+            first.number,
+            format!(
+                "{:?} may be the numbers of the columns or the first sample; if they are names, state `header_line` {}, otherwise write \
+                 names above them",
+                first.text.trim(),
+                first.number
+            ),
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// The error about a row of `cells` between blanks where there are more `columns`.

@@ -10,7 +10,7 @@ use super::numbers::{self, Cell, Decimal, Signs};
 use super::runs;
 use super::separator::{Separator, bare};
 use super::shape::{Kind, Shape};
-use super::shifted::{SHIFTED, fewer_cells, more_cells};
+use super::shifted::{SHIFTED, fewer_cells, more_cells, refuse_counted};
 use super::units::{self, Unit};
 
 /// Rows of numbers in a text.
@@ -197,6 +197,9 @@ impl<'a> TextTable<'a> {
         }
         if dialect.by_number {
             head.titles.resize(head.titles.len().max(columns), Title::default());
+        }
+        if head.titles.iter().all(|title| title.name.is_empty()) {
+            refuse_counted(&rows[first..], separator)?;
         }
         refuse_shifted(&head, &rows[first], columns, separator)?;
         // A separator at the end of a row or of the header is no column.

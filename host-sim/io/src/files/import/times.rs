@@ -1,7 +1,7 @@
 //! Times of rows: a column of numbers or of times of day, or an interval that is the same for all.
 
 use super::Quantity;
-use super::clock::{self, Clock};
+use super::clock::{self, Clock, Digits};
 use super::source::{Value, si};
 use super::units::{self, Unit};
 
@@ -25,6 +25,7 @@ pub struct Times {
     /// First lines of runs of rows.
     starts: Vec<u64>,
     clock: Clock,
+    digits: Digits,
     clock_s: Vec<f64>,
     /// Rows without a time.
     counted: usize,
@@ -33,7 +34,15 @@ pub struct Times {
 impl Times {
     /// No rows yet, of runs that begin in the lines `starts`.
     pub fn new(interval_s: Option<f64>, may_repeat: bool, starts: Vec<u64>) -> Self {
-        Self { interval_s, may_repeat, starts, clock: Clock::default(), clock_s: Vec::new(), counted: 0 }
+        Self {
+            interval_s,
+            may_repeat,
+            starts,
+            clock: Clock::default(),
+            digits: Digits::default(),
+            clock_s: Vec::new(),
+            counted: 0,
+        }
     }
 
     /// Takes a row without a time.
@@ -61,7 +70,10 @@ impl Times {
                 return Ok(());
             }
             Value::Text(text) => match clock::stamp(text) {
-                Some(stamp) => Some(self.clock.seconds(stamp)? + fraction_s),
+                Some(stamp) => {
+                    self.digits.take(text);
+                    Some(self.clock.seconds(stamp)? + fraction_s)
+                }
                 None if clock::is_two_parts(text) => {
                     let cause = "hours and minutes, or minutes and seconds; write hours, minutes and seconds";
                     return Err(format!("{name} is {text:?}: {cause}"));
@@ -87,10 +99,13 @@ impl Times {
                     "{name} begins again in this one of {runs} runs of rows; choose one with `segment` 1 to {runs}"
                 ));
             }
-            Some(&before) if now < before => {
-                return Err(format!("{name} goes backwards at {now} s; sort the rows and remove doubles"));
+            Some(&before) if now < before && !self.digits.are_milliseconds() => {
+                return Err(format!(
+                    "{name} goes backwards at {now} s; sort the rows and remove doubles, or, if they are in order and the clock is not, state their \
+                     rate with `rate_hz`"
+                ));
             }
-            Some(&before) if now == before && !self.may_repeat => {
+            Some(&before) if now == before && !self.may_repeat && !self.digits.are_milliseconds() => {
                 return Err(format!(
                     "{name} does not increase at {now} s; sort the rows and remove doubles, or state what rows of one time mean with \
                      `repeated_times` spread (a slow timer) or `repeated_times` mean"
@@ -113,7 +128,12 @@ impl Times {
         without_unit: Option<(usize, &str)>,
         runs: impl FnOnce() -> usize,
     ) -> Result<(Vec<f64>, Option<Unit>), String> {
-        let Self { interval_s, mut clock_s, counted, .. } = self;
+        let Self { interval_s, mut clock_s, counted, digits, .. } = self;
+        if digits.are_milliseconds() {
+            return Err("the times have milliseconds without leading zeros, so .5 may be 5 or 500 ms; write three digits, or state the rate of the \
+                        rows with `rate_hz`"
+                .into());
+        }
         if let Some(interval_s) = interval_s.filter(|_| counted > 0) {
             return match runs() {
                 0 | 1 => Ok(((0..counted).map(|row| row as f64 * interval_s).collect(), None)),

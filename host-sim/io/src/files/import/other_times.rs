@@ -1,0 +1,67 @@
+//! Columns of times beside the one that is used: of channels that were logged at times of their own.
+
+use super::Quantity;
+use super::mapping::Chosen;
+use super::names::{self, Title};
+use super::source::{Source, Value};
+
+/// A column of times that is not used.
+struct Other {
+    index: usize,
+    /// Its first time and that of the column that is used, and the last times of both.
+    ends: Option<[[f64; 2]; 2]>,
+    /// Rows of which it has no time.
+    missing: usize,
+}
+
+/// Remarks on columns of `titles` with other times than the `chosen` one has: neither the same ones, nor a constant later, nor in another unit.
+pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Vec<String> {
+    let Some(time) = chosen.first().filter(|column| column.quantity == Quantity::Time) else { return Vec::new() };
+    let is_time = |title: &Title| title.increases && names::may_be_time(title);
+    let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
+    let mut others: Vec<Other> = titles
+        .iter()
+        .enumerate()
+        .filter(|(index, title)| !is_used(*index) && is_time(title))
+        .map(|(index, _)| Other { index, ends: None, missing: 0 })
+        .collect();
+    if others.is_empty() || titles[time.index].clock {
+        return Vec::new();
+    }
+    let indices: Vec<usize> = std::iter::once(time.index).chain(others.iter().map(|other| other.index)).collect();
+    // The rows were read before.
+    let _ = source.each(&indices, |_, values| {
+        for (other, value) in others.iter_mut().zip(&values[1..]) {
+            match (values[0], value) {
+                (Value::Number(used), Value::Number(value)) => {
+                    let now = [*value, used];
+                    let first = other.ends.map_or(now, |[first, _]| first);
+                    other.ends = Some([first, now]);
+                }
+                (Value::Number(_), _) => other.missing += 1,
+                _ => {}
+            }
+        }
+        Ok(())
+    });
+    let is_another = |other: &&Other| {
+        let Some([[first, used_first], [last, used_last]]) = other.ends else { return false };
+        let (span, used_span) = (last - first, used_last - used_first);
+        let is_same = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
+        // Another unit has another span by a power of ten or 60, and the same zero.
+        let scaled = !is_same(span, used_span) && is_same(first * used_span, used_first * span);
+        // A clock of another beginning is far away.
+        let shifted = is_same(span, used_span) && (is_same(first, used_first) || (first - used_first).abs() > span);
+        other.missing > 0 || !(scaled || shifted)
+    };
+    others
+        .iter()
+        .filter(is_another)
+        .map(|other| {
+            format!(
+                "the times in {:?} are not those in {:?} and are not used: a channel behind them that was logged at these would be at wrong times",
+                titles[other.index].name, titles[time.index].name
+            )
+        })
+        .collect()
+}
