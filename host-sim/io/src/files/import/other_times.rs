@@ -59,8 +59,11 @@ pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Vec<
         .filter(is_another)
         .map(|other| {
             format!(
-                "the times in {:?} are not those in {:?} and are not used: a channel behind them that was logged at these would be at wrong times",
-                titles[other.index].name, titles[time.index].name
+                "the times in column {} {:?} are not those in column {} and are not used: what was logged at them would be at wrong times; \
+                 import it from a file of its own",
+                other.index + 1,
+                titles[other.index].name,
+                time.index + 1
             )
         })
         .collect()
