@@ -1,5 +1,7 @@
 //! Files that have a row for each channel in place of a column: rows of one time are then not readings of one quantity.
 
+use std::collections::BTreeSet;
+
 use super::clock;
 use super::names::Title;
 use super::source::{Source, Value};
@@ -13,12 +15,17 @@ struct Texts {
     last: usize,
     /// Two texts of one time.
     example: [String; 2],
+    /// Different numbers, up to more than there are channels.
+    numbers: BTreeSet<u64>,
 }
+
+/// Most channels of a logger.
+const MAX_CHANNELS: usize = 64;
 
 /// Names of columns that number the channels of their rows, and that may do so.
 const CHANNEL: &str = "channel chan ch kanal canal canale voie 通道 チャンネル";
 const SOURCE: &str = "probe sensor signal id port device axis input mux film module node actuator dut unit head cell scan slot \
-    address electrode mux no";
+    address electrode no";
 
 /// Refuses a column of texts, or of numbers of channels, at one of the `others` that changes within the rows of each time, which column `time`
 /// repeats.
@@ -51,7 +58,12 @@ pub fn refuse_names_in_rows(
         for ((column, numbers), value) in columns.iter_mut().zip(&numbers).zip(&values[1..]) {
             let text = match value {
                 Value::Text(text) if clock::stamp(text).is_none() => Some((*text).to_owned()),
-                Value::Number(number) if *numbers && number.fract() == 0.0 => Some(number.to_string()),
+                Value::Number(number) if *numbers && number.fract() == 0.0 => {
+                    if column.numbers.len() <= MAX_CHANNELS {
+                        column.numbers.insert(number.to_bits());
+                    }
+                    Some(number.to_string())
+                }
                 _ => None,
             };
             if rows == 1 {
@@ -66,7 +78,8 @@ pub fn refuse_names_in_rows(
         }
         Ok(())
     })?;
-    let is_name = |column: &Texts| repeated > 0 && column.times == repeated;
+    let is_few = |column: &Texts| column.numbers.len() <= MAX_CHANNELS;
+    let is_name = |column: &Texts| repeated > 0 && column.times == repeated && is_few(column);
     match columns.iter().zip(others).find(|(column, _)| is_name(column)) {
         Some((Texts { example: [one, other], .. }, &index)) => Err((
             source.starts().first().copied().unwrap_or(0),
