@@ -81,6 +81,12 @@ impl<T: Real> InverseState<T> {
         self.gain * self.followed
     }
 
+    /// Whether the gain is one that ticks leave.
+    pub(crate) fn is_sound(&self) -> bool {
+        let [low, high] = GAINS.map(T::from_f64);
+        low <= self.gain && self.gain <= high
+    }
+
     /// The voltage behind the amplifier, apart from its gain, V.
     pub(crate) fn followed_voltage(&self) -> T {
         self.followed

@@ -304,6 +304,12 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         self.inverse.film_voltage()
     }
 
+    /// Whether the amplifier's gain is one that ticks leave: memory in which a bit has flipped may hold another.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        self.inverse.is_sound()
+    }
+
     /// The same without the gain that the amplifier's monitor has shown: what the commands are worth, V.
     #[must_use]
     pub fn followed_voltage(&self) -> T {

@@ -363,8 +363,10 @@ impl Recording {
             .covered_s(&self.time_s)
             .map(|covered| covered.map(|time_s| ((time_s - self.time_s[0]) * 1e6).round() / 1e6))
         {
-            Some([from_s, to_s]) => format!("import the part that is, with `from` {from_s} and `to` {to_s}"),
-            None => "if it was logged more slowly than the sensor, use `fill` hold or `fill` linear".into(),
+            Some([from_s, to_s]) if from_s < to_s => {
+                format!("import the part that is, with `from` {from_s} and `to` {to_s}")
+            }
+            _ => "if it was logged more slowly than the sensor, use `fill` hold or `fill` linear".into(),
         };
         let why = format!("what drives the film must be complete; {advice}");
         column.complete(&self.path, &self.time_s, &why)

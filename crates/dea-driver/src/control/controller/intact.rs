@@ -18,7 +18,10 @@ impl<M: ControllerMemory> Controller<M> {
     pub(crate) fn is_intact(&self, part: u8) -> bool {
         let part = usize::from(part) % PARTS;
         let sealed = self.digests.as_ref().and_then(|digests| digests.get(part));
-        sealed.is_none_or(|&sealed| sealed == self.digest(part)) && self.supervisor.is_sound() && self.motion.is_sound()
+        sealed.is_none_or(|&sealed| sealed == self.digest(part))
+            && self.supervisor.is_sound()
+            && self.motion.is_sound()
+            && self.course.compensator().is_sound()
     }
 
     #[inline(never)] // so that copies of the laws do not stay on the stack of a small chip

@@ -38,7 +38,8 @@ pub fn read(path: &Path, mut file: File, request: &Request<'_>, hints: &Hints) -
     file.by_ref().take(HEAD).read_to_end(&mut bytes).map_err(unreadable)?;
     let own = hints.allow_own_names() && has_own_names(&String::from_utf8_lossy(&bytes), request);
     let kind = if own { kind::Kind::Text } else { kind::detect(&bytes).map_err(|cause| Error::file(path, cause))? };
-    if !own && kind == kind::Kind::Text && bytes[..encoding::without_zeros(&bytes)].contains(&0) {
+    let text_end = encoding::without_zeros(&bytes);
+    if !own && kind == kind::Kind::Text && (text_end == 0 || bytes[..text_end].contains(&0)) {
         // Before a gigabyte of it is read.
         encoding::readings(&bytes).map_err(|cause| Error::file(path, cause))?;
     }
