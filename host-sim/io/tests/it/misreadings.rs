@@ -252,41 +252,16 @@ fn numbers_that_can_be_read_in_two_ways_are_a_question() {
 #[test]
 fn readings_out_of_range_are_missing_and_counted() {
     let folder = Folder::new();
-    for word in [
-        "∞",
-        "-∞",
-        "OL",
-        "-OL",
-        "O.L",
-        "Overload",
-        "OVER",
-        "-FFFFFFF",
-        "+FFFFFFF",
-        "1.#QNAN",
-        "-1.#IND",
-        "1.#INF",
-        "9.9E37",
-        "9.91E+37",
-        "-9.9e+37",
-        "Inf",
-        "-inf",
-        "Infinity",
-        "#DIV/0!",
-        "NaN",
-        "",
-        "--",
-        "n/a",
-        "null",
-        "-nan",
-        "-nan(ind)",
-        "BAD",
-    ] {
+    let words = "∞|-∞|OL|-OL|O.L|Overload|OVER|-FFFFFFF|+FFFFFFF|1.#QNAN|-1.#IND|1.#INF|9.9E37|9.91E+37|-9.9e+37|Inf|-inf|Infinity|#DIV/0!|NaN||--|\
+                 n/a|#N/A|null|-nan|-nan(ind)|BAD";
+    // Also in the first row, which shows the columns.
+    for (word, first) in words.split('|').flat_map(|word| [(word, 7), (word, 1)]) {
         let text = format!("Time (s);HV (kV);Laser (mm)\n{}", rows(";", '.', usual)).replacen(";0.125;", ";0.1250;", 0);
         let lines: Vec<String> = text
             .lines()
             .enumerate()
             .map(|(k, line)| match k {
-                7 | 9 => format!("{};{word}", line.rsplit_once(';').expect("cells").0),
+                k if k == first || k == first + 2 => format!("{};{word}", line.rsplit_once(';').expect("cells").0),
                 _ => line.to_owned(),
             })
             .collect();
@@ -296,13 +271,17 @@ fn readings_out_of_range_are_missing_and_counted() {
         let displacement = recording.displacement().expect("a laser");
         assert_eq!((displacement.value.len(), recording.time_s().len()), (22, 24), "{word}");
         let counted = recording.notes().iter().any(|note| note.contains("2 readings of \"Laser (mm)\""));
-        let is_plain = ["NaN", "", "--", "n/a", "null", "-nan", "-nan(ind)"].contains(&word);
+        let is_plain = ["NaN", "", "--", "n/a", "#N/A", "null", "-nan", "-nan(ind)"].contains(&word);
         assert_eq!(counted, !is_plain, "{word}: {:?}", recording.notes());
         // In the voltage they are a fault.
         let turned = lines.join("\n").replace("HV (kV);Laser (mm)", "Laser (mm);HV (kV)");
         let drive = Recording::read_with(&folder.file("film.txt", turned), &hints(given)).expect("read").drive();
-        has(&drive.expect_err("a gap").to_string(), &["film.txt:8:", "is empty", "`fill`"]);
+        has(&drive.expect_err("a gap").to_string(), &[&format!("film.txt:{}:", first + 1), "is empty", "`fill`"]);
     }
+    // Behind the values of a row, `#` begins a remark.
+    let path = folder.file("film.txt", rows(";", '.', usual).replacen(";0.05\n", ";#N/A\n", 1));
+    let read = Recording::read_with(&path, &hints("columns=time=1:s,voltage=2:kV,displacement=3:mm")).expect("read");
+    assert_eq!(read.displacement().expect("a laser").value.len(), 23);
     // Names that number the columns, as of a table without names.
     for names in ["0;1;2", "1;2;3"] {
         let counted =
@@ -348,12 +327,18 @@ fn channels_in_rows_are_refused() {
         let error = Recording::read_with(&folder.file("ports.csv", port), &hints).expect_err("ports").to_string();
         has(&error, &["\"Port\" changes within the rows of one time"]);
     }
+    // A channel of an oscilloscope that is not used, in volts or in counts.
+    for name in ["Channel C", "CH 3", "Ch (V)", "Signal"] {
+        let whole = |k: usize| format!("{};{k};{k};{}\n", 0.1 * k as f64, k % 3);
+        let rows: String = (0..24).map(whole).collect();
+        folder.read(format!("Time (s);HV (V);Laser (mm);{name}\n{rows}"), "").expect(name);
+    }
     // Each at times of its own, one by one or one behind another.
     let late = |k: usize, channel: usize| format!("{};{channel};{k};{k}\n", 0.1 * k as f64);
     for order in [|k: usize| k % 2 + 1, |k: usize| k / 12 + 1] {
         let rows: String = (0..24).map(|k| late(k, order(k))).collect();
         let error = folder.refused(format!("Time (s);Channel;HV (V);Laser (mm)\n{rows}"), "");
-        has(&error, &["film.txt:", "\"Channel\" changes, from \"1\" to \"2\"", "a column of its own"]);
+        has(&error, &["film.txt:", "\"Channel\" changes (\"1\", \"2\")", "a column of its own"]);
     }
     let path = folder.file("film.csv", "Time (s);HV (kV);Note\n0;1;start\n0;3;ok\n1;4;ok\n1;6;ok\n2;5;\n2;7;ok\n");
     let recording = Recording::read_with(&path, &hints("repeated=mean")).expect("read");

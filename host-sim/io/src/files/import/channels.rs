@@ -1,4 +1,4 @@
-//! Files that have a row for each channel in place of a column: rows of one time are then not readings of one quantity.
+//! Files that have a row for each channel in place of a column: their rows are not readings of one quantity.
 
 use std::collections::BTreeSet;
 
@@ -6,125 +6,117 @@ use super::clock;
 use super::names::Title;
 use super::source::{Source, Value};
 
-/// Texts of one column within the rows of one time.
-#[derive(Clone, Debug, Default)]
-struct Texts {
-    first: Option<String>,
-    /// Times at which another one followed, and the last of these.
-    times: usize,
-    last: usize,
-    /// Two texts of one time.
-    example: [String; 2],
-    /// Different numbers, up to more than there are channels.
-    numbers: BTreeSet<u64>,
-}
-
+/// Words of titles of columns that number the channels of their rows, and of those that may do so within the rows of one time.
+const CHANNEL: &str = "channel chan ch kanal canal canale voie 通道 チャンネル";
+const SOURCE: &str = "probe sensor signal id port device axis input mux film module node actuator dut unit head cell scan slot \
+    address electrode no nr number";
 /// Most channels of a logger.
 const MAX_CHANNELS: usize = 64;
 
-/// Names of columns that number the channels of their rows, and that may do so.
-const CHANNEL: &str = "channel chan ch kanal canal canale voie 通道 チャンネル";
-const SOURCE: &str = "probe sensor signal id port device axis input mux film module node actuator dut unit head cell scan slot \
-    address electrode no";
+/// Texts, or whole numbers that may be those of channels, in one column.
+#[derive(Default)]
+struct Texts {
+    /// Whether its whole numbers count, and whether its title says that they are of channels.
+    may_number: bool,
+    is_channel: bool,
+    has_fractions: bool,
+    different: BTreeSet<String>,
+    /// Line of the second one of them.
+    line: u64,
+    /// The first one of this time, the times at which another one followed, and the last of these.
+    first: Option<String>,
+    times: usize,
+    last: usize,
+}
 
-/// Refuses a column of texts, or of numbers of channels, at one of the `others` that changes within the rows of each time, which column `time`
-/// repeats.
+impl Texts {
+    fn new(title: &Title) -> Self {
+        let name = title.name.to_lowercase();
+        let words = || name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
+        let is_of = |known: &str, word: &str| known.split(' ').any(|known| known == word);
+        let is_channel = words().any(|word| is_of(CHANNEL, word));
+        // `Channel A` is a channel.
+        let may_number = !title.increases
+            && words().next().is_some()
+            && words().all(|word| is_of(CHANNEL, word) || is_of(SOURCE, word));
+        Self { may_number, is_channel: is_channel && may_number, ..Self::default() }
+    }
+
+    fn take(&mut self, line: u64, value: Value<'_>, begins: bool, repeated: usize) {
+        let text = match value {
+            Value::Text(text) if clock::stamp(text).is_none() => Some(text.to_owned()),
+            Value::Number(number) if self.may_number => {
+                self.has_fractions |= number.fract() != 0.0;
+                Some(number.to_string())
+            }
+            _ => None,
+        };
+        if let Some(text) = text.as_ref().filter(|_| self.different.len() <= MAX_CHANNELS)
+            && self.different.insert(text.clone())
+            && self.different.len() == 2
+        {
+            self.line = line;
+        }
+        if begins {
+            self.first = text;
+        } else if let (Some(first), Some(text)) = (&self.first, text)
+            && *first != text
+            && self.last != repeated
+        {
+            (self.times, self.last) = (self.times + 1, repeated);
+        }
+    }
+
+    /// Why they are names of channels, after `repeated` times of several rows.
+    fn names_channels(&self, repeated: usize) -> Option<&'static str> {
+        let is_few = !self.may_number || self.different.len() <= MAX_CHANNELS && !self.has_fractions;
+        match is_few {
+            true if repeated > 0 && self.times == repeated => Some(" within the rows of one time"),
+            true if self.is_channel && self.different.len() > 1 => Some(""),
+            _ => None,
+        }
+    }
+}
+
+/// Refuses a column at one of the `others` that names the channel of its row: by its title, or, where rows share the times in column `time`, by
+/// its texts that change within the rows of each time.
 ///
 /// # Errors
 ///
 /// The column, two of its texts and what to do.
-pub fn refuse_names_in_rows(
+pub fn refuse(
     source: &Source<'_>,
     titles: &[Title],
-    time: usize,
+    time: Option<usize>,
     others: &[usize],
 ) -> Result<(), (u64, String)> {
-    if matches!(source, Source::Series(_)) {
+    let columns = others.iter().map(|index| (*index, Texts::new(&titles[*index])));
+    let mut columns: Vec<(usize, Texts)> = columns.filter(|(_, texts)| time.is_some() || texts.is_channel).collect();
+    if matches!(source, Source::Series(_)) || columns.is_empty() {
         return Ok(());
     }
-    let indices: Vec<usize> = [time].into_iter().chain(others.iter().copied()).collect();
-    let numbers_channels = |index: &usize| {
-        let Title { name, increases, .. } = &titles[*index];
-        !increases && (says(name, CHANNEL) || says(name, SOURCE))
-    };
-    let numbers: Vec<bool> = others.iter().map(numbers_channels).collect();
-    let mut columns = vec![Texts::default(); others.len()];
+    let indices: Vec<usize> = columns.iter().map(|(index, _)| *index).chain(time).collect();
     let (mut now, mut rows, mut repeated) = (String::new(), 0, 0);
-    source.each(&indices, |_, values| {
-        let key = format!("{:?}", values[0]);
+    source.each(&indices, |line, values| {
+        let (values, time) = values.split_at(columns.len());
+        let key = time.first().map_or_else(|| line.to_string(), |time| format!("{time:?}"));
         rows = if key == now { rows + 1 } else { 1 };
         repeated += usize::from(rows == 2);
         now = key;
-        for ((column, numbers), value) in columns.iter_mut().zip(&numbers).zip(&values[1..]) {
-            let text = match value {
-                Value::Text(text) if clock::stamp(text).is_none() => Some((*text).to_owned()),
-                Value::Number(number) if *numbers && number.fract() == 0.0 => {
-                    if column.numbers.len() <= MAX_CHANNELS {
-                        column.numbers.insert(number.to_bits());
-                    }
-                    Some(number.to_string())
-                }
-                _ => None,
-            };
-            if rows == 1 {
-                column.first = text;
-            } else if let (Some(first), Some(text)) = (&column.first, text)
-                && *first != text
-                && column.last != repeated
-            {
-                (column.times, column.last) = (column.times + 1, repeated);
-                column.example = [first.clone(), text];
-            }
+        for ((_, texts), value) in columns.iter_mut().zip(values) {
+            texts.take(line, *value, rows == 1, repeated);
         }
         Ok(())
     })?;
-    let is_few = |column: &Texts| column.numbers.len() <= MAX_CHANNELS;
-    let is_name = |column: &Texts| repeated > 0 && column.times == repeated && is_few(column);
-    match columns.iter().zip(others).find(|(column, _)| is_name(column)) {
-        Some((Texts { example: [one, other], .. }, &index)) => Err((
-            source.starts().first().copied().unwrap_or(0),
-            format!(
-                "{:?} changes within the rows of one time ({one:?}, {other:?}): it names the channel of its row; write each channel as a \
-                 column of its own",
-                titles[index].name
-            ),
-        )),
-        None => Ok(()),
-    }
-}
-
-fn says(name: &str, known: &str) -> bool {
-    let name = name.to_lowercase();
-    let mut words = name.split(|c: char| !c.is_alphanumeric());
-    words.any(|word| known.split(' ').any(|known| known == word))
-}
-
-/// Refuses rows of several channels, each with times of its own, that a column at one of the `others` names.
-///
-/// # Errors
-///
-/// The column, two of its texts and what to do.
-pub fn refuse_channels(source: &Source<'_>, titles: &[Title], others: &[usize]) -> Result<(), (u64, String)> {
-    let named: Vec<usize> = others.iter().copied().filter(|index| says(&titles[*index].name, CHANNEL)).collect();
-    if named.is_empty() {
-        return Ok(());
-    }
-    let mut first: Vec<Option<String>> = vec![None; named.len()];
-    source.each(&named, |_, values| {
-        for ((first, value), index) in first.iter_mut().zip(values).zip(&named) {
-            let text = match value {
-                Value::Text(text) => (*text).to_owned(),
-                Value::Number(number) if number.fract() == 0.0 => number.to_string(),
-                _ => continue,
-            };
-            if *first.get_or_insert_with(|| text.clone()) != text {
-                let name = &titles[*index].name;
-                return Err(format!(
-                    "{name:?} changes, from {:?} to {text:?}: it names the channel of its row; write each channel as a column of its own",
-                    first.as_deref().unwrap_or_default()
-                ));
-            }
-        }
-        Ok(())
-    })
+    let named = columns.iter().find_map(|(index, texts)| Some((*index, texts, texts.names_channels(repeated)?)));
+    let Some((index, texts, within)) = named else { return Ok(()) };
+    let shown: Vec<String> = texts.different.iter().take(2).map(|text| format!("{text:?}")).collect();
+    Err((
+        texts.line,
+        format!(
+            "{:?} changes{within} ({}): it names the channel of its row; write each channel as a column of its own",
+            titles[index].name,
+            shown.join(", ")
+        ),
+    ))
 }

@@ -306,11 +306,9 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     let names: Vec<String> = chosen.iter().map(name).collect();
     refuse_ambiguous(source, &indices, &names).map_err(|(line, cause)| at(path, line, cause))?;
     let others: Vec<usize> = (0..titles.len()).filter(|index| !indices.contains(index)).collect();
-    if let (Some(_), Some(Chosen { quantity: Quantity::Time, index, .. })) = (hints.repeated_times, chosen.first()) {
-        channels::refuse_names_in_rows(source, &titles, *index, &others)
-            .map_err(|(line, cause)| at(path, line, cause))?;
-    }
-    channels::refuse_channels(source, &titles, &others).map_err(|(line, cause)| at(path, line, cause))?;
+    let is_time = |column: &&Chosen| hints.repeated_times.is_some() && column.quantity == Quantity::Time;
+    let repeated = chosen.first().filter(is_time).map(|column| column.index);
+    channels::refuse(source, &titles, repeated, &others).map_err(|(line, cause)| at(path, line, cause))?;
     let interval_s = interval_s(source, &chosen, hints).map_err(|(line, cause)| at(path, line, cause))?;
     let mut times = Times::new(interval_s, hints.repeated_times.is_some(), source.starts());
     let mut columns: Vec<Column> = names.iter().map(|name| Column::empty(name.clone())).collect();

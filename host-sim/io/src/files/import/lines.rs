@@ -1,5 +1,6 @@
 //! Lines of a text.
 
+use super::numbers::{self, Cell, Decimal};
 use super::separator::Separator;
 
 /// Longest line, in bytes.
@@ -56,7 +57,7 @@ pub fn is_comment(line: &str) -> bool {
     line.trim_start().starts_with(['#', '%'])
 }
 
-/// Whether a cell behind the values of its row is a remark, as of an event.
+/// Whether a cell behind the values of its row is a remark, as of an event, and not a word such as `#N/A`.
 pub fn is_event(cell: &str) -> bool {
-    cell.starts_with(['#', '%'])
+    is_comment(cell) && matches!(numbers::cell(cell, Decimal::Point), Cell::Text(_))
 }
