@@ -36,14 +36,14 @@ impl<'a> Line<'a> {
 }
 
 /// The lines of `text` that are not blank; the first of all is number `number`. Line ends of all systems end them.
-pub fn lines(text: &str, mut number: u64) -> impl Iterator<Item = Line<'_>> {
+pub fn lines(text: &str, mut number: u64) -> impl Iterator<Item = Line<'_>> + Clone {
     let mut rest = text;
     let next = move || {
         if rest.is_empty() {
             return None;
         }
         let (number_here, begin) = (number, rest);
-        let end = rest.find(['\n', '\r']).unwrap_or(rest.len());
+        let end = memchr::memchr2(b'\n', b'\r', rest.as_bytes()).unwrap_or(rest.len());
         let (line, after) = rest.split_at(end);
         rest = after.strip_prefix("\r\n").or_else(|| after.strip_prefix(['\n', '\r'])).unwrap_or(after);
         number += 1;
@@ -54,7 +54,7 @@ pub fn lines(text: &str, mut number: u64) -> impl Iterator<Item = Line<'_>> {
 
 /// Whether a line is a comment of its file.
 pub fn is_comment(line: &str) -> bool {
-    line.trim_start().starts_with(['#', '%'])
+    matches!(line.trim_start().as_bytes().first(), Some(b'#' | b'%'))
 }
 
 /// Whether a cell behind the values of its row is a remark, as of an event, and not a word such as `#N/A`.

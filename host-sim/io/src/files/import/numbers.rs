@@ -68,10 +68,37 @@ pub fn cell(text: &str, decimal: Decimal) -> Cell<'_> {
     }
 }
 
+/// Whether `text` is a number as almost all are, and so needs no closer look: digits with at most one point or comma between them, and an
+/// exponent. The first is that point or comma.
+fn plain(text: &str) -> Option<Option<u8>> {
+    let (mut sign, mut has_exponent, mut before) = (None, false, b'-');
+    for &byte in text.as_bytes().strip_prefix(b"+").or(text.as_bytes().strip_prefix(b"-")).unwrap_or(text.as_bytes()) {
+        match byte {
+            b'0'..=b'9' => {}
+            b'.' | b',' if sign.is_none() && !has_exponent && before.is_ascii_digit() => sign = Some(byte),
+            b'e' | b'E' if !has_exponent && before.is_ascii_digit() => has_exponent = true,
+            b'+' | b'-' if matches!(before, b'e' | b'E') => {}
+            _ => return None,
+        }
+        before = byte;
+    }
+    before.is_ascii_digit().then_some(sign)
+}
+
+/// Whether `text` is a number with one decimal sign or the other, as almost all are. Not all numbers are.
+pub fn is_plain(text: &str) -> bool {
+    plain(text).is_some()
+}
+
 /// Digits with at most one decimal sign, and an exponent. Thousands may be separated by blanks, apostrophes or the other sign.
 pub fn number(text: &str, decimal: Decimal) -> Option<f64> {
+    match plain(text) {
+        Some(None | Some(b'.')) if decimal == Decimal::Point => return text.parse().ok(),
+        Some(None) => return text.parse().ok(),
+        _ => {}
+    }
     let digits = text.strip_prefix(['+', '-', '\u{2212}']).unwrap_or(text);
-    let mantissa = digits.split(['e', 'E', 'd', 'D']).next().unwrap_or_default();
+    let mantissa = mantissa(digits);
     let exponent = &digits[mantissa.len()..];
     let (whole, broken) = mantissa.split_once(decimal.sign()).unwrap_or((mantissa, ""));
     let ungrouped: String;
@@ -93,9 +120,6 @@ pub fn number(text: &str, decimal: Decimal) -> Option<f64> {
     if !exponent.is_empty() && !all_digits(exponent[1..].trim_start_matches(['+', '-'])) {
         return None;
     }
-    if decimal == Decimal::Point && text.bytes().all(|b| b"0123456789+-.eE".contains(&b)) {
-        return text.parse().ok();
-    }
     let sign = if text.starts_with(['-', '\u{2212}']) { "-" } else { "" };
     format!("{sign}{whole}.{broken}{}", exponent.replace(['d', 'D'], "e")).parse().ok()
 }
@@ -105,6 +129,12 @@ pub fn increase(values: &[f64]) -> bool {
     const COUNT: usize = 200;
     let first = &values[..values.len().min(COUNT)];
     first.len() > 1 && first.windows(2).all(|pair| pair[0] < pair[1])
+}
+
+/// `digits` without an exponent.
+fn mantissa(digits: &str) -> &str {
+    let end = digits.bytes().position(|byte| matches!(byte, b'e' | b'E' | b'd' | b'D'));
+    &digits[..end.unwrap_or(digits.len())]
 }
 
 fn all_digits(part: &str) -> bool {
@@ -148,16 +178,24 @@ pub struct Signs {
 impl Signs {
     /// Counts the signs of the cell `text`.
     pub fn count(&mut self, text: &str) {
-        let digits = text.trim().trim_start_matches(['+', '-', '\u{2212}']);
-        let mantissa = digits.split(['e', 'E', 'd', 'D']).next().unwrap_or_default();
-        if mantissa.is_empty() || [Decimal::Point, Decimal::Comma].iter().all(|&sign| number(digits, sign).is_none()) {
+        let text = text.trim();
+        let plain = plain(text);
+        if plain == Some(None) {
+            self.plain += 1;
             return;
         }
-        let count = |sign: char| mantissa.matches(sign).count();
+        let digits = text.trim_start_matches(['+', '-', '\u{2212}']);
+        let mantissa = mantissa(digits);
+        let is_number = || [Decimal::Point, Decimal::Comma].iter().any(|&sign| number(digits, sign).is_some());
+        if mantissa.is_empty() || !(plain.is_some() || is_number()) {
+            return;
+        }
+        let count = |sign: u8| mantissa.bytes().filter(|byte| *byte == sign).count();
         // Other separators of thousands leave no doubt about the sign.
-        let certain = mantissa.chars().any(is_group_separator) || mantissa.len() < digits.len();
+        let has_others = plain.is_none() && mantissa.chars().any(is_group_separator);
+        let certain = has_others || mantissa.len() < digits.len();
         let grouped = |sign: char| !certain && is_grouped(mantissa, sign);
-        let slot = match (count('.'), count(',')) {
+        let slot = match (count(b'.'), count(b',')) {
             (0, 0) => &mut self.plain,
             (1, 0) if grouped('.') => &mut self.grouped_points,
             (0, 1) if grouped(',') => &mut self.grouped_commas,

@@ -46,18 +46,21 @@ pub fn transposed(text: &str, is_time: impl Fn(&str) -> bool) -> Option<String> 
     let lines: Vec<Line<'_>> = lines(text, 1).filter(|line| !is_comment(line.text)).collect();
     let dialect = Dialect::default();
     for separator in Separator::ALL {
-        let rows: Vec<Vec<&str>> = lines.iter().map(|line| separator.split(line.text)).collect();
-        let length = rows.last().map_or(0, Vec::len);
+        let length = lines.last().map_or(0, |line| separator.split(line.text).len());
+        if length < 4 {
+            continue;
+        }
         let is_series = |row: &Vec<&str>| {
             row.len() == length
                 && dialect.kind(row[0]) == Kind::Text
                 && row[1..].iter().all(|cell| dialect.kind(cell) != Kind::Text)
         };
-        let begin = rows.iter().rposition(|row| !is_series(row)).map_or(0, |last| last + 1);
-        let (above, series) = rows.split_at(begin);
-        if length < 4
-            || series.len() < 2
-            || above.iter().any(|row| row.len() >= 3)
+        let mut series: Vec<Vec<&str>> =
+            lines.iter().rev().map(|line| separator.split(line.text)).take_while(is_series).collect();
+        series.reverse();
+        let above = &lines[..lines.len() - series.len()];
+        if series.len() < 2
+            || above.iter().any(|line| separator.split(line.text).len() >= 3)
             || !series.iter().any(|row| is_time(row[0]))
         {
             continue;

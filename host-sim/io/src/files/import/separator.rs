@@ -1,5 +1,7 @@
 //! Separators of cells.
 
+use memchr::{memchr2, memchr3};
+
 /// Separator of the cells of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Separator {
@@ -35,12 +37,13 @@ impl Separator {
         self.name_and_sign().1
     }
 
-    fn is(self, c: char) -> bool {
+    /// The first separator or quote in `text`.
+    fn find(self, text: &[u8]) -> Option<usize> {
         match self {
-            Self::Tab => c == '\t',
-            Self::Semicolon => c == ';',
-            Self::Comma => c == ',',
-            Self::Blanks => c == ' ' || c == '\t',
+            Self::Tab => memchr2(b'\t', b'"', text),
+            Self::Semicolon => memchr2(b';', b'"', text),
+            Self::Comma => memchr2(b',', b'"', text),
+            Self::Blanks => memchr3(b' ', b'\t', b'"', text),
         }
     }
 
@@ -54,15 +57,17 @@ impl Separator {
     pub(super) fn cells(self, line: &str) -> (Vec<&str>, bool) {
         let mut cells = Vec::new();
         let line = if self == Self::Blanks { line.trim() } else { line };
-        let (mut start, mut quoted) = (0, false);
-        for (at, c) in line.char_indices() {
-            if c == '"' {
+        let (mut start, mut next, mut quoted) = (0, 0, false);
+        while let Some(distance) = self.find(&line.as_bytes()[next..]) {
+            let at = next + distance;
+            next = at + 1;
+            if line.as_bytes()[at] == b'"' {
                 // Two quotes in a quoted cell are a letter: the second opens it again.
                 let opens = line[start..at].trim_start();
                 quoted = !quoted && (opens.is_empty() || opens.ends_with('"'));
-            } else if !quoted && self.is(c) {
+            } else if !quoted {
                 cells.push(bare(&line[start..at]));
-                start = at + c.len_utf8();
+                start = next;
             }
         }
         cells.push(bare(&line[start..]));
@@ -75,6 +80,10 @@ impl Separator {
 
 /// `cell` without blanks and quotes around it.
 pub(super) fn bare(cell: &str) -> &str {
+    let is_bare = |end: Option<&u8>| end.is_some_and(|byte| byte.is_ascii_graphic() && *byte != b'"');
+    if is_bare(cell.as_bytes().first()) && is_bare(cell.as_bytes().last()) {
+        return cell;
+    }
     let cell = cell.trim();
     cell.strip_prefix('"').and_then(|cell| cell.strip_suffix('"')).map_or(cell, str::trim)
 }

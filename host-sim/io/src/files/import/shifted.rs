@@ -52,7 +52,7 @@ pub fn fewer_cells(cells: usize, columns: usize) -> String {
 
 /// The line and the cause where commas separate the thousands of a number as they separate the cells of `rows`: such rows, and no others,
 /// have that many more numbers than the shortest.
-pub fn by_thousands<'a>(rows: impl Iterator<Item = (u64, Vec<&'a str>)>) -> Option<(u64, String)> {
+pub fn by_thousands<'a>(mut rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Clone) -> Option<(u64, String)> {
     let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
     let begins = |cell: &str| {
         let digits = cell.trim_start_matches(['+', '-']);
@@ -62,28 +62,20 @@ pub fn by_thousands<'a>(rows: impl Iterator<Item = (u64, Vec<&'a str>)>) -> Opti
         let (whole, broken) = cell.split_once('.').unwrap_or((cell, ""));
         whole.len() == 3 && is_digits(whole) && is_digits(broken)
     };
-    struct Row {
-        line: u64,
-        filled: usize,
-        groups: usize,
-        numbers_at_end: usize,
-    }
-    let row = |(line, cells): (u64, Vec<&str>)| {
-        let filled = cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
+    let filled = |cells: &[&str]| cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
+    let fewest = rows.clone().map(|(_, cells)| filled(&cells)).min()?;
+    let (longer, _) = rows.clone().find(|(_, cells)| filled(cells) > fewest)?;
+    let is_number = |cell: &&&str| numbers::number(cell, Decimal::Point).is_some();
+    let is_shifted = |(_, cells): (u64, Vec<&str>)| {
+        let filled = filled(&cells);
+        let more = filled - fewest;
         let groups = cells.windows(2).filter(|pair| begins(pair[0]) && follows(pair[1])).count();
-        let is_number = |cell: &&&str| numbers::number(cell, Decimal::Point).is_some();
-        Row { line, filled, groups, numbers_at_end: cells[..filled].iter().rev().take_while(is_number).count() }
+        let numbers_at_end = || cells[..filled].iter().rev().take_while(is_number).count();
+        if more > 0 { groups >= more && numbers_at_end() >= more } else { groups == 0 }
     };
-    let rows: Vec<Row> = rows.map(row).collect();
-    let fewest = rows.iter().map(|row| row.filled).min()?;
-    let is_shifted = |row: &Row| {
-        let more = row.filled - fewest;
-        row.groups >= more && row.numbers_at_end >= more && (more > 0 || row.groups == 0)
-    };
-    let longer = rows.iter().find(|row| row.filled > fewest)?;
-    rows.iter().all(is_shifted).then(|| {
+    rows.all(is_shifted).then(|| {
         let cause = "commas separate the cells and the thousands of numbers, as in 1,036.5, which shifts the values behind them; export \
                      without thousands, with quotes, or separated by semicolons";
-        (longer.line, cause.into())
+        (longer, cause.into())
     })
 }

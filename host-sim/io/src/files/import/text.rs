@@ -65,6 +65,9 @@ impl Dialect<'_> {
                 .iter()
                 .any(|d| matches!(numbers::cell(cell, *d), Cell::Number(_) | Cell::OutOfRange))
         };
+        if numbers::is_plain(cell) {
+            return Kind::Number;
+        }
         match numbers::cell(cell, Decimal::Point) {
             Cell::Nothing => Kind::Nothing,
             _ if is_number(cell) || clock::is_clock(cell) => Kind::Number,
@@ -242,8 +245,8 @@ impl<'a> TextTable<'a> {
         };
         let is_remark = |row: &Line<'_>| shape.is_remark(&kinds(row), &separator.split(row.text));
         let is_header = |row: &Line<'_>| {
-            let kinds = kinds(row);
-            kinds.len() == columns && columns > 1 && kinds.iter().all(|kind| *kind == Kind::Text)
+            let cells = separator.split(row.text);
+            cells.len() == columns && columns > 1 && cells.iter().all(|cell| dialect.kind(cell) == Kind::Text)
         };
         let faults = table.cut(&rows[first..], lines, is_remark, is_header, &|line| top(line, false));
         if let Some(wanted) = dialect.segment {
@@ -373,7 +376,7 @@ impl<'a> TextTable<'a> {
     }
 
     /// Line and cells of every row, or line and cause where it cannot be used.
-    pub fn rows(&self) -> impl Iterator<Item = Result<(u64, Vec<&'a str>), (u64, String)>> {
+    pub fn rows(&self) -> impl Iterator<Item = Result<(u64, Vec<&'a str>), (u64, String)>> + Clone {
         let all = self.segments.iter().flat_map(|(first, text)| lines(text, *first));
         let cut_off = self.cut_off();
         let is_whole = move |line: &Line<'_>| cut_off.is_none_or(|cut_off| !std::ptr::eq(line.text, cut_off));
