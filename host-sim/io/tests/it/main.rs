@@ -10,6 +10,7 @@ mod other_files;
 mod refused_recordings;
 mod rows_without_times;
 mod sealed_records;
+mod shifted_rows;
 mod spring_in_series;
 mod temperature;
 mod written_files;

@@ -38,6 +38,8 @@ fn rival_columns_are_a_question() {
             if alone {
                 ask(&format!("Time (s);HV (kV);{name}"), "displacement=3", &usual);
             }
+        } else if kind.starts_with("time") {
+            ask(&format!("{name};HV (kV);Laser (mm)"), "time=1", &usual);
         } else {
             let other = |s: &super::lab_files::Sample| vec![s.time_s, 7.0, s.voltage_kv, s.laser_mm];
             ask(&format!("Time (s);{name};Voltage (kV);Laser (mm)"), "voltage=3", &other);

@@ -108,3 +108,47 @@ fn runs_without_times_are_a_question() {
     let timed = folder.read(format!("Time (s);HV (kV);Laser (mm)\n{timed}"), "").expect("one run");
     assert_eq!(difference(&timed), None);
 }
+
+/// Rows of one time get none of their own where all have that one, or where another column has the rest of it.
+#[test]
+fn one_time_of_all_rows_gives_no_rate() {
+    let folder = Folder::new();
+    let text = |head: &str, columns: &dyn Fn(&super::lab_files::Sample) -> Vec<f64>| {
+        format!("{head};HV (kV);Laser (mm)\n{}", rows(";", '.', columns))
+    };
+    let all = text("Time (s)", &|s| vec![7.0, s.voltage_kv, s.laser_mm]);
+    let refused = |text: String, answer: &str| {
+        Recording::read_with(&folder.file("film.txt", text), &hints(answer)).expect_err("refused").to_string()
+    };
+    has(&refused(all, "repeated=spread"), &["all rows have one time", "`rate_hz`"]);
+    for part in ["Fractional Seconds", "stamp.nsecs", "Milliseconds (part)", "msec"] {
+        let head = format!("Time (s);{part}");
+        let apart = text(&head, &|s| vec![s.time_s.floor(), s.time_s.fract(), s.voltage_kv, s.laser_mm]);
+        has(&refused(apart, "columns=time=1 repeated=spread"), &["the rest of it in column 2", part]);
+    }
+}
+
+/// A rate that contradicts the times or the numbers of the rows, and times that no film is recorded at, are noted or refused.
+#[test]
+fn a_rate_that_cannot_be_right_is_noted() {
+    let folder = Folder::new();
+    let noted = |text: String, words: &[&str]| {
+        let read = folder.read(text.clone(), "").expect(&text);
+        let notes = read.understood().expect("a file").notes.join("; ");
+        has(&notes, words);
+    };
+    let timed = |head: &str, time: &dyn Fn(f64) -> f64| {
+        format!("{head}\n{}", rows(",", '.', |s| vec![time(s.time_s), s.voltage_kv, s.laser_mm]))
+    };
+    let names = "Time (s),HV (kV),Laser (mm)";
+    noted(timed(&format!("Sample interval: 125 ms\n{names}"), &|t| 1e3 * t), &["0.008 Hz", "state 8 Hz"]);
+    noted(
+        timed(&format!("Sample rate: 8 Hz\nNo,{}", &names[9..]), &|t| 1.0 + 160.0 * t),
+        &["\"No\" goes from 1 to 21"],
+    );
+    noted(timed(names, &|t| t / 86400.0 / 1e3), &["unusual"]);
+    noted(timed(names, &|t| 1e6 * t), &["unusual"]);
+    let sound = folder.read(timed(&format!("Sample rate: 8 Hz\n{names}"), &|t| t), "").expect("sound");
+    assert_eq!(sound.understood().expect("a file").notes, Vec::<String>::new());
+    has(&folder.refused(timed(names, &|t| 1.7e12 + 1e3 * t), ""), &["beyond the year 5000", "`columns`"]);
+}

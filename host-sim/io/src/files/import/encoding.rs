@@ -25,8 +25,11 @@ pub fn readings(bytes: &[u8]) -> Result<Vec<Decoded>, String> {
     if let Some(encoding) = utf_16_without_mark(bytes) {
         return Ok(vec![decoded(encoding, bytes).ok_or("is half UTF-16 text; save it as UTF-8")?]);
     }
-    if bytes.contains(&0) {
-        return Err("not text: it contains null bytes; name the file that holds the numbers".into());
+    if let Some(at) = bytes.iter().position(|byte| *byte == 0) {
+        let line = 1 + bytes[..at].iter().filter(|byte| **byte == b'\n').count();
+        return Err(format!(
+            "not text: it contains null bytes, the first in line {line}; remove what is damaged, or name the file that holds the numbers"
+        ));
     }
     if let Some(text) = decoded(UTF_8, bytes) {
         return Ok(vec![text]);

@@ -6,6 +6,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::mapping::{self, By, Chosen};
+use super::names::Title;
 use super::numbers::{self, Cell, Decimal};
 use super::separator::Separator;
 use super::series::{Series, Understood, UnderstoodColumn};
@@ -14,12 +15,11 @@ use super::source::{Source, Value, si};
 use super::text::{Dialect, TextTable};
 use super::times::{Origin, Times};
 use super::{
-    Hints, Quantity, Request, channels, encoding, fractions, kind, mat, mat_hdf5, names, other_times, reshaped,
+    Hints, Quantity, Request, channels, encoding, fractions, kind, mat, mat_hdf5, names, other_times, rates, reshaped,
     workbook,
 };
 use crate::error::{Error, Result, shown};
 use crate::files::table::Column;
-use crate::terminal::rounded;
 
 /// Bytes from which the kind of a file is found.
 const HEAD: u64 = 1 << 16;
@@ -304,7 +304,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
         name => name.chars().take(40).collect(),
     };
     let names: Vec<String> = chosen.iter().map(name).collect();
-    refuse_ambiguous(source, &indices, &names).map_err(|(line, cause)| at(path, line, cause))?;
+    refuse_ambiguous(source, &chosen, &titles, &names).map_err(|(line, cause)| at(path, line, cause))?;
     let others: Vec<usize> = (0..titles.len()).filter(|index| !indices.contains(index)).collect();
     let is_time = |column: &&Chosen| hints.repeated_times.is_some() && column.quantity == Quantity::Time;
     let repeated = chosen.first().filter(is_time).map(|column| column.index);
@@ -386,13 +386,14 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     notes
         .extend(fractions.iter().map(|f| format!("{:?} is added to the times of day beside it", titles[f.index].name)));
     if let Some(meaning) = hints.repeated_times {
+        rates::refuse_repeated(&series.clock_s, meaning, &chosen, &titles).map_err(|cause| Error::file(path, cause))?;
         series.without_repeated_times(meaning);
     }
     if let Some(filled) = hints.fill.map(|fill| series.fill(fill)).filter(|filled| *filled > 0) {
         notes.push(format!("{filled} empty cells of what drives the film are filled"));
     }
-    notes.extend(row_apart(&series.clock_s));
     notes.extend(other_times::remarks(source, &chosen, &titles));
+    notes.extend(rates::remarks(source, &chosen, &titles, &series.clock_s));
     if hints.rate_hz.is_some() && hints.choices.get(Quantity::Time).is_none() {
         let is_unused = |index: &usize| titles[*index].increases && names::is_time(&titles[*index].name);
         let unused = (0..titles.len()).filter(is_ignored).find(is_unused);
@@ -407,10 +408,11 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     }
 }
 
-/// Refuses a column at `indices` whose numbers can be read in two ways, and rows whose units change.
+/// Refuses a `chosen` column whose numbers can be read in two ways, and rows whose cells are shifted or whose units change.
 fn refuse_ambiguous(
     source: &Source<'_>,
-    indices: &[usize],
+    chosen: &[Chosen],
+    titles: &[Title],
     names: &[String],
 ) -> std::result::Result<(), (u64, String)> {
     let Source::Text(_, table) = source else { return Ok(()) };
@@ -420,13 +422,17 @@ fn refuse_ambiguous(
             format!("a column has the unit {unit} here and {before} before; write all rows in one unit"),
         ));
     }
+    let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
+    let rows = || table.rows().flatten();
+    let is_named = chosen.iter().any(|column| column.by != By::Choice);
+    let spare = || shifted::into_spare(rows(), titles, is_used).filter(|_| is_named);
     if table.separator == Separator::Comma
-        && let Some(fault) = shifted::by_thousands(table.rows().flatten())
+        && let Some(fault) = shifted::by_thousands(rows()).or_else(spare)
     {
         return Err(fault);
     }
-    let is_ambiguous = |place: &usize| table.ambiguous.get(indices[*place]) == Some(&true);
-    match (0..indices.len()).find(is_ambiguous) {
+    let is_ambiguous = |place: &usize| table.ambiguous.get(chosen[*place].index) == Some(&true);
+    match (0..chosen.len()).find(is_ambiguous) {
         None => Ok(()),
         Some(place) => Err((
             source.starts().first().copied().unwrap_or(0),
@@ -470,24 +476,4 @@ fn remarks(source: &Source<'_>, names: &[String], out_of_range: &[usize]) -> Vec
         }
     }
     notes
-}
-
-/// A first or last row whose time is far from those of the others, which are even: gains or statistics may be in it.
-fn row_apart(clock_s: &[f64]) -> Option<String> {
-    let apart = |outer: f64, inner: &[f64], which: &str, holds: &str| {
-        let [first, .., last] = inner else { return None };
-        let interval = (last - first) / (inner.len() - 1) as f64;
-        let is_even =
-            inner.len() > 3 && inner.windows(2).all(|pair| ((pair[1] - pair[0]) / interval - 1.0).abs() < 0.01);
-        let distance = (first - outer).abs().min((outer - last).abs());
-        (is_even && !(0.5..=2.0).contains(&(distance / interval))).then(|| {
-            format!(
-                "the {which} row is {} s from the next, the others are {} s apart: if it has {holds}, remove it",
-                rounded(distance),
-                rounded(interval)
-            )
-        })
-    };
-    let ((first, behind), (last, before)) = clock_s.split_first().zip(clock_s.split_last())?;
-    apart(*first, behind, "first", "gains or scales").or_else(|| apart(*last, before, "last", "statistics"))
 }

@@ -21,6 +21,7 @@ mod mat_hdf5;
 mod names;
 mod numbers;
 mod other_times;
+mod rates;
 mod reshaped;
 mod rows;
 mod runs;

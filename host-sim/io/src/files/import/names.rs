@@ -2,8 +2,8 @@
 
 use super::units::{self, Unit};
 use super::words::{
-    DEGREES, DERIVED, DRIVEN, ELSEWHERE, LETTERS, OF_TWO_VOLTAGES, ORDERED, OTHER_UNITS, OTHER_WORDS, SIZES,
-    TEMPERATURES, WORDS,
+    DEGREES, DERIVED, DRIVEN, ELSEWHERE, LETTERS, NO_TIMES, OF_TWO_VOLTAGES, ORDERED, OTHER_UNITS, OTHER_WORDS, SIZES,
+    STEPS, TEMPERATURES, WORDS,
 };
 use super::{Quantity, Request};
 
@@ -95,7 +95,12 @@ impl Doubt {
         if !may_be_ordered && says(ORDERED) {
             return Some(Self::Ordered);
         }
-        if quantity != Some(Quantity::Time) && says(DERIVED) {
+        let is_derived = match quantity {
+            Some(Quantity::Time) => says(NO_TIMES),
+            None => says(DERIVED) || says(STEPS),
+            Some(_) => says(DERIVED),
+        };
+        if is_derived || is_negated(name) {
             return Some(Self::Derived);
         }
         if matches!(quantity, None | Some(Quantity::Displacement)) && says(SIZES) {
@@ -107,7 +112,9 @@ impl Doubt {
         {
             return Some(Self::Elsewhere);
         }
-        is_scaled(name).then_some(Self::Scaled)
+        // A second laser is x2, a second voltage is not.
+        let is_doubled = || quantity == Some(Quantity::Voltage) && words.iter().any(|word| is_factor(word));
+        (is_scaled(name) || is_doubled()).then_some(Self::Scaled)
     }
 }
 
@@ -121,19 +128,37 @@ fn has(word: &str, part: &str) -> bool {
         || behind_symbol()
 }
 
-/// Whether `name` has a factor in it: x10, ×1000, /100 or 1000:1.
+/// Whether `name` begins with a sign, or says that its sign is another one.
+fn is_negated(name: &str) -> bool {
+    let behind = name.trim_start().strip_prefix(['-', '\u{2212}']);
+    behind.is_some_and(|name| name.trim_start().starts_with(char::is_alphabetic))
+}
+
+/// Whether `word` is a factor such as x2.
+fn is_factor(word: &str) -> bool {
+    let number = word.strip_prefix('x').or_else(|| word.strip_suffix('x'));
+    number.is_some_and(|number| number.parse::<u32>().is_ok_and(|number| number > 1))
+}
+
+/// Whether `name` has a factor or a power in it: x10, x 10, ×1000, 2*, /100, ^2 or 1000:1.
 fn is_scaled(name: &str) -> bool {
     let number = |text: &str| text.parse::<f64>().ok().filter(|_| text.len() > 1 && text != "1.0");
+    let is_other = |text: &str| text.parse::<f64>().is_ok_and(|number| number != 1.0);
     let parts: Vec<&str> =
         name.split(|c: char| c.is_whitespace() || "()[]{},;_".contains(c)).filter(|p| !p.is_empty()).collect();
-    parts.len() > 1
-        && parts.iter().any(|part| {
+    let is_apart = |pair: &[&str]| matches!(pair[0], "x" | "X" | "×" | "*" | "/") && is_other(pair[1]);
+    name.contains('^')
+        || parts.windows(2).any(is_apart)
+        || parts.iter().any(|part| {
             let factor = part.strip_prefix(['x', 'X', '×']).or_else(|| part.strip_suffix(['x', 'X', '×']));
             let ratio =
                 part.split_once(':').is_some_and(|(a, b)| a != b && [a, b].iter().all(|p| p.parse::<f64>().is_ok()));
-            let is_product = part.contains(['*', '/', '×', '·']);
-            let product = part.split(['*', '/', '×', '·']).any(|side| is_product && number(side).is_some());
-            ratio || product || factor.is_some_and(|factor| number(factor).is_some())
+            let is_product = part.contains(['*', '×', '·']);
+            let product = part.split(['*', '×', '·']).any(|side| is_product && is_other(side));
+            // In `CH 2/mm` the number is the channel's.
+            let is_divided = part.contains('/')
+                && (part.split('/').any(|side| number(side).is_some()) || part.split('/').skip(1).any(is_other));
+            ratio || product || is_divided || factor.is_some_and(|factor| number(factor).is_some())
         })
 }
 

@@ -68,8 +68,8 @@ pub fn cell(text: &str, decimal: Decimal) -> Cell<'_> {
     }
 }
 
-/// Whether `text` is a number as almost all are, and so needs no closer look: digits with at most one point or comma between them, and an
-/// exponent. The first is that point or comma.
+/// The point or comma of a number that needs no closer look, as almost all do not: digits with at most one of them in between, and an
+/// exponent. `None` for all other texts.
 fn plain(text: &str) -> Option<Option<u8>> {
     let (mut sign, mut has_exponent, mut before) = (None, false, b'-');
     for &byte in text.as_bytes().strip_prefix(b"+").or(text.as_bytes().strip_prefix(b"-")).unwrap_or(text.as_bytes()) {

@@ -1,15 +1,19 @@
 //! Rows whose cells are not below their names.
 
 use super::lines::Line;
+use super::names::Title;
 use super::numbers::{self, Decimal};
 use super::separator::Separator;
 
 pub const SHIFTED: &str =
     "some numbers have a decimal comma and some a decimal point; export them with a decimal point";
 
-/// The error about a row of `cells` below a header of `titles`.
-pub fn more_cells(cells: usize, titles: usize, separator: Separator) -> String {
+/// The error about a `row` of `cells` below a header of `titles`.
+pub fn more_cells(row: &str, cells: usize, titles: usize, separator: Separator) -> String {
     let cause = match separator {
+        Separator::Comma if row.contains('.') => {
+            "; every column needs a name, and commas within a text or a number need quotes around it"
+        }
         Separator::Comma => {
             "; decimal commas in a file separated by commas shift every value: export with a decimal point, or separated by \
              semicolons"
@@ -18,6 +22,22 @@ pub fn more_cells(cells: usize, titles: usize, separator: Separator) -> String {
         _ => "; every column needs a name, or name the columns by number with `columns`",
     };
     format!("{cells} cells below a header of {titles}{cause}")
+}
+
+/// Refuses rows of `columns` cells below a header of fewer `titles`.
+pub fn refuse_shifted(
+    titles: usize,
+    row: &Line<'_>,
+    columns: usize,
+    separator: Separator,
+) -> Result<(), (u64, String)> {
+    if titles == 0 || columns <= titles {
+        return Ok(());
+    }
+    if separator.split(row.text)[titles..].iter().all(|cell| cell.is_empty()) {
+        return Ok(());
+    }
+    Err((row.number, more_cells(row.text, columns, titles, separator)))
 }
 
 /// Refuses rows without names of which the first counts the columns: it may be their names.
@@ -42,6 +62,32 @@ pub fn refuse_counted(rows: &[Line<'_>], separator: Separator) -> Result<(), (u6
     }
 }
 
+/// Refuses a table whose first row has this number where more rows of `lines` above it are numbers between another separator.
+pub fn refuse_other_separator(lines: &[Line<'_>], first: u64, separator: Separator) -> Result<(), (u64, String)> {
+    const MIN_ROWS: usize = 3;
+    let above = || lines.iter().take_while(|line| line.number < first);
+    let is_number = |cell: &&str| numbers::is_plain(cell);
+    for other in Separator::ALL.into_iter().filter(|other| *other != separator) {
+        let is_row = |line: &&Line<'_>| {
+            let cells = other.split(line.text);
+            cells.len() > 1 && cells.iter().all(is_number)
+        };
+        if let Some(row) = above().find(is_row).filter(|_| above().filter(is_row).count() >= MIN_ROWS) {
+            return Err((
+                first,
+                format!(
+                    "{} separate the cells from here on, and {} those of the rows of numbers from line {} on; write all rows with one \
+                     separator, or remove the lines that are no rows",
+                    separator.name(),
+                    other.name(),
+                    row.number
+                ),
+            ));
+        }
+    }
+    Ok(())
+}
+
 /// The error about a row of `cells` between blanks where there are more `columns`.
 pub fn fewer_cells(cells: usize, columns: usize) -> String {
     format!(
@@ -50,18 +96,50 @@ pub fn fewer_cells(cells: usize, columns: usize) -> String {
     )
 }
 
+/// The line and the cause where commas may be the decimal signs or the thousands of all `rows` as well as their separators: they are shifted by
+/// as many cells as there is room for behind the last of `titles` that has a name and is `used`.
+pub fn into_spare<'a>(
+    mut rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Clone,
+    titles: &[Title],
+    is_used: impl Fn(usize) -> bool,
+) -> Option<(u64, String)> {
+    let is_fraction =
+        |cell: &str| cell.len() > 1 && cell.starts_with('0') && cell.bytes().all(|byte| byte.is_ascii_digit());
+    let fraction = |(line, cells): (u64, Vec<&'a str>)| {
+        let found = cells.into_iter().enumerate().find(|(index, cell)| is_used(*index) && is_fraction(cell));
+        found.map(|(_, cell)| (line, cell))
+    };
+    if let Some((line, cell)) = rows.clone().find_map(fraction) {
+        let cause = format!(
+            "{cell:?} may be the digits behind a decimal comma, which shifts the values; export with a decimal point, or separated by \
+             semicolons; if it is a number of its own, name the columns by number with `columns`"
+        );
+        return Some((line, cause));
+    }
+    let named = titles.iter().rposition(|title| !title.name.is_empty())? + 1;
+    let (line, cells) = rows.clone().next()?;
+    // Without a cell more than there are names, and values in the last, nothing can be shifted.
+    let has_number = |cells: &[&str]| cells.iter().any(|cell| numbers::is_plain(cell));
+    let has_room = |cells: &[&str]| {
+        cells.len() > named && (!is_used(named - 1) || has_number(&cells[named..])) && has_number(&cells[named - 1..])
+    };
+    let is_whole = |cell: &&str| !cell.contains('.');
+    let pairs = |cells: &[&str]| cells.windows(2).any(|pair| is_group(pair[0], pair[1]));
+    let is_spare = |(_, cells): (u64, Vec<&str>)| has_room(&cells);
+    let are_whole = || rows.clone().all(|(_, cells)| cells.iter().all(is_whole));
+    let are_grouped = || rows.clone().all(|(_, cells)| pairs(&cells));
+    let may_shift = has_room(&cells) && (are_whole() || are_grouped());
+    (may_shift && rows.all(is_spare)).then(|| {
+        let cause = "the rows have a cell more than there are names, and no decimal points: the commas may be decimal signs or separate \
+                     thousands, which shifts the values; export with a decimal point and without thousands, or separated by semicolons; if they \
+                     only separate cells, end the line of the names with a comma as well";
+        (line, cause.into())
+    })
+}
+
 /// The line and the cause where commas separate the thousands of a number as they separate the cells of `rows`: such rows, and no others,
 /// have that many more numbers than the shortest.
 pub fn by_thousands<'a>(mut rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Clone) -> Option<(u64, String)> {
-    let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
-    let begins = |cell: &str| {
-        let digits = cell.trim_start_matches(['+', '-']);
-        (1..=3).contains(&digits.len()) && is_digits(digits) && !digits.starts_with('0')
-    };
-    let follows = |cell: &str| {
-        let (whole, broken) = cell.split_once('.').unwrap_or((cell, ""));
-        whole.len() == 3 && is_digits(whole) && is_digits(broken)
-    };
     let filled = |cells: &[&str]| cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
     let fewest = rows.clone().map(|(_, cells)| filled(&cells)).min()?;
     let (longer, _) = rows.clone().find(|(_, cells)| filled(cells) > fewest)?;
@@ -69,7 +147,7 @@ pub fn by_thousands<'a>(mut rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Cl
     let is_shifted = |(_, cells): (u64, Vec<&str>)| {
         let filled = filled(&cells);
         let more = filled - fewest;
-        let groups = cells.windows(2).filter(|pair| begins(pair[0]) && follows(pair[1])).count();
+        let groups = cells.windows(2).filter(|pair| is_group(pair[0], pair[1])).count();
         let numbers_at_end = || cells[..filled].iter().rev().take_while(is_number).count();
         if more > 0 { groups >= more && numbers_at_end() >= more } else { groups == 0 }
     };
@@ -78,4 +156,17 @@ pub fn by_thousands<'a>(mut rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Cl
                      without thousands, with quotes, or separated by semicolons";
         (longer, cause.into())
     })
+}
+
+/// Whether two cells may be one number whose thousands a comma separates: 1 and 036.5.
+fn is_group(first: &str, second: &str) -> bool {
+    let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    let digits = first.trim_start_matches(['+', '-']);
+    let (whole, broken) = second.split_once('.').unwrap_or((second, ""));
+    (1..=3).contains(&digits.len())
+        && is_digits(digits)
+        && !digits.starts_with('0')
+        && whole.len() == 3
+        && is_digits(whole)
+        && is_digits(broken)
 }

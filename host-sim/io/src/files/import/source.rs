@@ -150,6 +150,9 @@ pub fn si(name: &str, value: Value<'_>, factor: f64) -> Result<Option<f64>, Stri
         }
         Value::Number(number) => Err(format!("{name} is {number:?}; no instrument reads that")),
         Value::Text(text) => {
+            if text.starts_with('@') {
+                return Err(format!("{name} is a date in the spreadsheet; format its cells as numbers"));
+            }
             let begin: String = text.chars().take(40).collect();
             Err(format!("{name} is {begin:?}, which is not a number; leave the cell empty where nothing was measured"))
         }

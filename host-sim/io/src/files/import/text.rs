@@ -10,7 +10,7 @@ use super::numbers::{self, Cell, Decimal, Signs};
 use super::runs;
 use super::separator::{Separator, bare};
 use super::shape::{Kind, Shape};
-use super::shifted::{SHIFTED, fewer_cells, more_cells, refuse_counted};
+use super::shifted::{SHIFTED, fewer_cells, more_cells, refuse_counted, refuse_other_separator, refuse_shifted};
 use super::units::{self, Unit};
 
 /// Rows of numbers in a text.
@@ -142,7 +142,10 @@ impl<'a> TextTable<'a> {
             found.retain(has_names);
         }
         match found.as_slice() {
-            [one] => Ok(one.clone()),
+            [one] => {
+                refuse_other_separator(&lines, one.first.number, one.separator)?;
+                Ok(one.clone())
+            }
             [first, second, ..] => {
                 let row = first.first;
                 let shown = |table: &Self| {
@@ -204,7 +207,7 @@ impl<'a> TextTable<'a> {
         if head.titles.iter().all(|title| title.name.is_empty()) {
             refuse_counted(&rows[first..], separator)?;
         }
-        refuse_shifted(&head, &rows[first], columns, separator)?;
+        refuse_shifted(head.titles.len(), &rows[first], columns, separator)?;
         // A separator at the end of a row or of the header is no column.
         while head.titles.len() > columns && head.titles.last().is_some_and(|title| title.name.is_empty()) {
             head.titles.pop();
@@ -384,7 +387,7 @@ impl<'a> TextTable<'a> {
             let cells = line.cells(self.separator)?;
             let more = cells.iter().skip(self.columns).find(|cell| !cell.is_empty());
             if more.is_some_and(|cell| !is_event(cell)) {
-                return Err((line.number, more_cells(cells.len(), self.columns, self.separator)));
+                return Err((line.number, more_cells(line.text, cells.len(), self.columns, self.separator)));
             }
             if self.separator == Separator::Blanks && cells.len() < self.columns {
                 return Err((line.number, fewer_cells(cells.len(), self.columns)));
@@ -470,18 +473,6 @@ fn is_of_r(head: &Head, row: &Line<'_>, columns: usize, separator: Separator) ->
         && number.is_some_and(|number| number.bytes().all(|byte| byte.is_ascii_digit()))
         && row.text.matches('"').count() == 2
         && separator.split(row.text).len() == columns
-}
-
-/// Refuses rows with more cells than the header.
-fn refuse_shifted(head: &Head, row: &Line<'_>, columns: usize, separator: Separator) -> Result<(), (u64, String)> {
-    let titles = head.titles.len();
-    if titles == 0 || columns <= titles {
-        return Ok(());
-    }
-    if separator.split(row.text)[titles..].iter().all(|cell| cell.is_empty()) {
-        return Ok(());
-    }
-    Err((row.number, more_cells(columns, titles, separator)))
 }
 
 /// Why there are no rows of numbers.

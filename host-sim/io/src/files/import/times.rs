@@ -5,6 +5,9 @@ use super::clock::{self, Clock, Digits};
 use super::source::{Value, si};
 use super::units::{self, Unit};
 
+/// Latest time since 1970 or a later beginning, s.
+const MAX_TIME_S: f64 = 1e11;
+
 /// Where the times of a file come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
@@ -92,6 +95,10 @@ impl Times {
         };
         let now = now.filter(|_| self.counted == 0);
         let now = now.ok_or_else(|| format!("no value for {name}; every row needs its time"))?;
+        if now.abs() > MAX_TIME_S {
+            let cause = "beyond the year 5000: are they milliseconds or microseconds? State their unit with `columns`, as in time=1:ms";
+            return Err(format!("{name} is {now} s, {cause}"));
+        }
         match self.clock_s.last() {
             Some(&before) if now < before && self.starts.len() > 1 && self.starts.contains(&line) => {
                 let runs = self.starts.len();

@@ -1,0 +1,116 @@
+//! Rates of rows that contradict what the file says of them, or that no film is recorded at.
+
+use super::mapping::Chosen;
+use super::names::Title;
+use super::source::{Source, Value};
+use super::{Quantity, RepeatedTimes};
+use crate::terminal::rounded;
+
+/// Parts of words for numbers of rows.
+const NUMBERS: &str =
+    "sample samples index idx no nr n # number nummer row rows point points scan scans record reading";
+/// Words for columns that have parts of the seconds of another.
+const PARTS: &str = "fractional fraction subsecond subseconds nsec nsecs nanosec nanosecs nanosecond nanoseconds usec usecs microsecond \
+    microseconds msec msecs ms millis millisecond milliseconds";
+/// Rates between which rows are, in Hz.
+const USUAL_HZ: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
+
+fn has_word(title: &Title, words: &str) -> bool {
+    let name = title.name.to_lowercase();
+    let mut own = name.split(|c: char| !(c.is_alphanumeric() || c == '#')).filter(|word| !word.is_empty());
+    own.any(|word| words.split(' ').any(|known| known == word))
+}
+
+/// Why the times of rows that repeat them cannot be changed as `meaning` has it: they are all one, or another column of `titles` has the rest
+/// of them.
+pub fn refuse_repeated(
+    clock_s: &[f64],
+    meaning: RepeatedTimes,
+    chosen: &[Chosen],
+    titles: &[Title],
+) -> Result<(), String> {
+    let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
+    let part = (0..titles.len()).find(|&index| !is_used(index) && has_word(&titles[index], PARTS));
+    if let Some(index) = part {
+        return Err(format!(
+            "rows of one time have the rest of it in column {} {:?}; add both to one column of times",
+            index + 1,
+            titles[index].name
+        ));
+    }
+    if meaning == RepeatedTimes::Spread && clock_s.first() == clock_s.last() {
+        return Err("all rows have one time: it gives them no rate; state it with `rate_hz`".into());
+    }
+    Ok(())
+}
+
+/// Remarks on the times of the rows, s: on their rate, on that which the lines above `stated`, and on rows that are numbered and not all there.
+pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], clock_s: &[f64]) -> Vec<String> {
+    let mut notes: Vec<String> = row_apart(clock_s).into_iter().collect();
+    let mut steps_s: Vec<f64> = clock_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps_s.sort_by(f64::total_cmp);
+    let Some(&step_s) = steps_s.get(steps_s.len() / 2) else { return notes };
+    let rate = rounded(1.0 / step_s);
+    if !USUAL_HZ.contains(&(1.0 / step_s)) {
+        notes.push(format!("the rows are at {rate} Hz, which is unusual: are the times in another unit?"));
+    }
+    let stated = source.head().and_then(|head| head.interval.as_ref()?.as_ref().ok());
+    let has_times = chosen.iter().any(|column| column.quantity == Quantity::Time);
+    match stated {
+        Some(stated_s) if has_times && (step_s / stated_s - 1.0).abs() > 0.02 => {
+            let stated = rounded(1.0 / stated_s);
+            notes.push(format!(
+                "the times have rows at {rate} Hz, the lines above them state {stated} Hz: one may be in another unit"
+            ));
+        }
+        Some(_) if !has_times => notes.extend(numbered(source, chosen, titles)),
+        _ => {}
+    }
+    notes
+}
+
+/// Where a column numbers the rows, and not by one.
+fn numbered(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Option<String> {
+    let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
+    let index = (0..titles.len()).find(|&index| !is_used(index) && has_word(&titles[index], NUMBERS))?;
+    let (mut last, mut jump, mut is_count) = (None, None, true);
+    // The rows were read before.
+    let _ = source.each(&[index], |line, values| {
+        let number = if let Value::Number(number) = values[0] { Some(number) } else { None };
+        is_count &= number.is_some_and(|number| number.fract() == 0.0 && last.is_none_or(|last| number > last));
+        if let (Some(number), Some(last)) = (number, last)
+            && number - last != 1.0
+            && jump.is_none()
+        {
+            jump = Some((line, last, number));
+        }
+        last = number;
+        Ok(())
+    });
+    let (line, from, to) = jump.filter(|_| is_count)?;
+    Some(format!(
+        "{:?} goes from {from} to {to} in line {line}: rows are not there, but the times follow from a rate as if they were; state the rate of \
+         those that are with `rate_hz`, or use the numbers as times",
+        titles[index].name
+    ))
+}
+
+/// A first or last row whose time is far from those of the others, which are even: gains or statistics may be in it.
+fn row_apart(clock_s: &[f64]) -> Option<String> {
+    let apart = |outer: f64, inner: &[f64], which: &str, holds: &str| {
+        let [first, .., last] = inner else { return None };
+        let interval = (last - first) / (inner.len() - 1) as f64;
+        let is_even =
+            inner.len() > 3 && inner.windows(2).all(|pair| ((pair[1] - pair[0]) / interval - 1.0).abs() < 0.01);
+        let distance = (first - outer).abs().min((outer - last).abs());
+        (is_even && !(0.5..=2.0).contains(&(distance / interval))).then(|| {
+            format!(
+                "the {which} row is {} s from the next, the others are {} s apart: if it has {holds}, remove it",
+                rounded(distance),
+                rounded(interval)
+            )
+        })
+    };
+    let ((first, behind), (last, before)) = clock_s.split_first().zip(clock_s.split_last())?;
+    apart(*first, behind, "first", "gains or scales").or_else(|| apart(*last, before, "last", "statistics"))
+}
