@@ -14,6 +14,8 @@ const PARTS: &str = "fractional fraction subsecond subseconds nsec nsecs nanosec
     microseconds msec msecs ms millis millisecond milliseconds";
 /// Rates between which rows are, in Hz.
 const USUAL_HZ: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
+/// Fewest rows that have a rate: a drive that is held has a row at each end.
+const MIN_ROWS: usize = 10;
 
 fn has_word(title: &Title, words: &str) -> bool {
     let name = title.name.to_lowercase();
@@ -51,7 +53,7 @@ pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], clock_s
     steps_s.sort_by(f64::total_cmp);
     let Some(&step_s) = steps_s.get(steps_s.len() / 2) else { return notes };
     let rate = rounded(1.0 / step_s);
-    if !USUAL_HZ.contains(&(1.0 / step_s)) {
+    if clock_s.len() >= MIN_ROWS && !USUAL_HZ.contains(&(1.0 / step_s)) {
         notes.push(format!("the rows are at {rate} Hz, which is unusual: are the times in another unit?"));
     }
     let stated = source.head().and_then(|head| head.interval.as_ref()?.as_ref().ok());
