@@ -113,5 +113,16 @@ for t, volts, laser in zip(time_s, voltage_kv, laser_mm):
     book.active.append([float(t), float(volts), f"{1 + laser:.3f}".replace(".", ",")])
 save(book, "texts.xlsx")
 
+# The voltage and the displacement in sheets of their own.
+book = openpyxl.Workbook()
+book.active.title = "HV"
+laser_sheet = book.create_sheet("Laser")
+book.active.append(["Time (s)", "HV (kV)"])
+laser_sheet.append(["Time (s)", "Laser (mm)"])
+for t, volts, laser in zip(time_s, voltage_kv, laser_mm):
+    book.active.append([float(t), float(volts)])
+    laser_sheet.append([float(t), float(laser)])
+save(book, "split.xlsx")
+
 with zipfile.ZipFile(HERE / "archive.zip", "w") as file:
     file.writestr("film.csv", "time_s,voltage_v\n0,0\n1,1\n")

@@ -6,7 +6,7 @@ use host_io::files::import::Hints;
 use host_io::files::recording::Recording;
 
 use super::instruments::hints;
-use super::lab_files::{Folder, difference, has, rows, usual};
+use super::lab_files::{Folder, difference, fixture, has, rows, usual};
 
 /// Headers above time, voltage and displacement, and one column more: what the question says, and the answer.
 #[test]
@@ -409,6 +409,12 @@ fn what_is_left_out_is_noted() {
         &recording.notes().join("; "),
         &["the last row is 21.125 s from the next, the others are 0.125 s apart", "statistics"],
     );
+    let book = Recording::read(&fixture("split.xlsx")).expect("read");
+    has(&book.notes().join("; "), &["in the spreadsheets \"Laser\" are not read"]);
+    let back = rows(";", '.', |s| vec![9.0 - s.time_s, s.voltage_kv, s.laser_mm]);
+    let path = folder.file("back.txt", format!("{header}\n{back}"));
+    let recording = Recording::read_with(&path, &hints("rate=8")).expect("read");
+    has(&recording.notes().join("; "), &["the times in \"Time (s)\" are not used"]);
 }
 
 /// A displacement that was ignored, or a size in its place, is not silent.

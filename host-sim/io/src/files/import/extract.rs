@@ -189,6 +189,7 @@ fn spreadsheet(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints
         workbook::sheets(bytes, hints.sheet.as_deref(), hints.decimal).map_err(|cause| Error::file(path, cause))?;
     let mut found = Vec::new();
     let (mut fault, mut has_rows) = (None, false);
+    let mut unread = Vec::new();
     for sheet in &sheets {
         let dialect = Dialect { sheet: Some(&sheet.ambiguous), ..hints.dialect() };
         match table(path, &format!("spreadsheet {:?}", sheet.name), &sheet.text, &dialect, request, hints) {
@@ -200,11 +201,19 @@ fn spreadsheet(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints
                     fault = Some(error);
                 }
                 has_rows |= of_rows;
+                unread.extend(of_rows.then(|| format!("{:?}", sheet.name)));
             }
         }
     }
     match (found.as_slice(), fault) {
-        ([(_, (source, chosen))], _) => extract(path, source, chosen, hints),
+        ([(_, (source, chosen))], _) => {
+            let mut series = extract(path, source, chosen, hints)?;
+            if !unread.is_empty() {
+                let note = format!("rows of numbers in the spreadsheets {} are not read", unread.join(", "));
+                series.understood.notes.push(note);
+            }
+            Ok(series)
+        }
         ([], Some(fault)) if has_rows => Err(fault),
         ([], _) => Err(Error::file(path, "a workbook without rows of numbers below a header")),
         (several, _) => {
@@ -395,7 +404,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     notes.extend(other_times::remarks(source, &chosen, &titles));
     notes.extend(rates::remarks(source, &chosen, &titles, &series.clock_s));
     if hints.rate_hz.is_some() && hints.choices.get(Quantity::Time).is_none() {
-        let is_unused = |index: &usize| titles[*index].increases && names::is_time(&titles[*index].name);
+        let is_unused = |index: &usize| names::is_time(&titles[*index].name);
         let unused = (0..titles.len()).filter(is_ignored).find(is_unused);
         notes.extend(unused.map(|index| {
             format!("the times in {:?} are not used: the rate of the rows is stated with `rate_hz`", titles[index].name)
