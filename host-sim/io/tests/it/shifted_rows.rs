@@ -21,7 +21,7 @@ fn two_separators_are_refused() {
                 let second = second.join("\n").replace(',', separator);
                 let text = format!("{NAMES}\n{}\n{header}{second}\n", first.join("\n"));
                 let error = folder.refused(&text, "");
-                has(&error, &["film.txt:"]);
+                has(&error, &["separate the cells from here on"]);
             }
         }
     }

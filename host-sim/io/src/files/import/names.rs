@@ -96,7 +96,7 @@ impl Doubt {
             return Some(Self::Ordered);
         }
         let is_derived = match quantity {
-            Some(Quantity::Time) => says(NO_TIMES),
+            Some(Quantity::Time) => says(NO_TIMES) || says(STEPS),
             None => says(DERIVED) || says(STEPS),
             Some(_) => says(DERIVED),
         };
@@ -128,7 +128,7 @@ fn has(word: &str, part: &str) -> bool {
         || behind_symbol()
 }
 
-/// Whether `name` begins with a sign, or says that its sign is another one.
+/// Whether `name` begins with a minus: `-Voltage`.
 fn is_negated(name: &str) -> bool {
     let behind = name.trim_start().strip_prefix(['-', '\u{2212}']);
     behind.is_some_and(|name| name.trim_start().starts_with(char::is_alphabetic))
@@ -158,7 +158,9 @@ fn is_scaled(name: &str) -> bool {
             // In `CH 2/mm` the number is the channel's.
             let is_divided = part.contains('/')
                 && (part.split('/').any(|side| number(side).is_some()) || part.split('/').skip(1).any(is_other));
-            ratio || product || is_divided || factor.is_some_and(|factor| number(factor).is_some())
+            // Alone, x10 is the tenth of them.
+            let is_factor = parts.len() > 1 && factor.is_some_and(|factor| number(factor).is_some());
+            ratio || product || is_divided || is_factor
         })
 }
 

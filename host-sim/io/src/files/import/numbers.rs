@@ -92,10 +92,10 @@ pub fn is_plain(text: &str) -> bool {
 
 /// Digits with at most one decimal sign, and an exponent. Thousands may be separated by blanks, apostrophes or the other sign.
 pub fn number(text: &str, decimal: Decimal) -> Option<f64> {
-    match plain(text) {
-        Some(None | Some(b'.')) if decimal == Decimal::Point => return text.parse().ok(),
-        Some(None) => return text.parse().ok(),
-        _ => {}
+    if let Some(sign) = plain(text)
+        && sign.is_none_or(|sign| sign == b'.' && decimal == Decimal::Point)
+    {
+        return text.parse().ok();
     }
     let digits = text.strip_prefix(['+', '-', '\u{2212}']).unwrap_or(text);
     let mantissa = mantissa(digits);

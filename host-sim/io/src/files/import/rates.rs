@@ -6,47 +6,46 @@ use super::source::{Source, Value};
 use super::{Quantity, RepeatedTimes};
 use crate::terminal::rounded;
 
-/// Parts of words for numbers of rows.
+/// Words for numbers of rows.
 const NUMBERS: &str =
     "sample samples index idx no nr n # number nummer row rows point points scan scans record reading";
-/// Words for columns that have parts of the seconds of another.
-const PARTS: &str = "fractional fraction subsecond subseconds nsec nsecs nanosec nanosecs nanosecond nanoseconds usec usecs microsecond \
-    microseconds msec msecs ms millis millisecond milliseconds";
+/// Beginnings of words for the part of a second that a column has beside its times.
+const PARTS: &str = "fraction subsec nsec nanosec usec microsec msec millis ms";
 /// Rates between which rows are, in Hz.
 const USUAL_HZ: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
 /// Fewest rows that have a rate: a drive that is held has a row at each end.
 const MIN_ROWS: usize = 10;
 
-fn has_word(title: &Title, words: &str) -> bool {
-    let name = title.name.to_lowercase();
-    let mut own = name.split(|c: char| !(c.is_alphanumeric() || c == '#')).filter(|word| !word.is_empty());
-    own.any(|word| words.split(' ').any(|known| known == word))
+/// The words of a title outside of its brackets, in small letters.
+fn words(title: &Title) -> Vec<String> {
+    let name = title.name.split(['(', '[', '{']).next().unwrap_or_default().to_lowercase();
+    name.split(|c: char| !(c.is_alphanumeric() || c == '#')).map(str::to_owned).collect()
 }
 
-/// Why the times of rows that repeat them cannot be changed as `meaning` has it: they are all one, or another column of `titles` has the rest
-/// of them.
+/// Why the times of rows that repeat them cannot be changed as `meaning` has it: they are all one, or the column right of them may have the
+/// rest.
 pub fn refuse_repeated(
     clock_s: &[f64],
     meaning: RepeatedTimes,
     chosen: &[Chosen],
     titles: &[Title],
 ) -> Result<(), String> {
-    let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
-    let part = (0..titles.len()).find(|&index| !is_used(index) && has_word(&titles[index], PARTS));
-    if let Some(index) = part {
+    let index = chosen.first().filter(|column| column.quantity == Quantity::Time).map_or(0, |time| time.index + 1);
+    let is_part = |word: &String| PARTS.split(' ').any(|part| word.starts_with(part));
+    if let Some(title) = titles.get(index).filter(|title| words(title).iter().any(is_part)) {
         return Err(format!(
-            "rows of one time have the rest of it in column {} {:?}; add both to one column of times",
+            "rows of one time may have the rest of it in column {} {:?}; add both to one column of times, or remove it",
             index + 1,
-            titles[index].name
+            title.name
         ));
     }
-    if meaning == RepeatedTimes::Spread && clock_s.first() == clock_s.last() {
+    if meaning == RepeatedTimes::Spread && clock_s.len() > 1 && clock_s.first() == clock_s.last() {
         return Err("all rows have one time: it gives them no rate; state it with `rate_hz`".into());
     }
     Ok(())
 }
 
-/// Remarks on the times of the rows, s: on their rate, on that which the lines above `stated`, and on rows that are numbered and not all there.
+/// Remarks on the times of the rows, s: on their rate, on that which the lines above them state, and on rows that are numbered and not all there.
 pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], clock_s: &[f64]) -> Vec<String> {
     let mut notes: Vec<String> = row_apart(clock_s).into_iter().collect();
     let mut steps_s: Vec<f64> = clock_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -65,7 +64,7 @@ pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], clock_s
                 "the times have rows at {rate} Hz, the lines above them state {stated} Hz: one may be in another unit"
             ));
         }
-        Some(_) if !has_times => notes.extend(numbered(source, chosen, titles)),
+        _ if !has_times => notes.extend(numbered(source, chosen, titles)),
         _ => {}
     }
     notes
@@ -74,7 +73,8 @@ pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], clock_s
 /// Where a column numbers the rows, and not by one.
 fn numbered(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Option<String> {
     let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
-    let index = (0..titles.len()).find(|&index| !is_used(index) && has_word(&titles[index], NUMBERS))?;
+    let is_number = |word: &String| NUMBERS.split(' ').any(|known| known == word);
+    let index = (0..titles.len()).find(|&index| !is_used(index) && words(&titles[index]).iter().any(is_number))?;
     let (mut last, mut jump, mut is_count) = (None, None, true);
     // The rows were read before.
     let _ = source.each(&[index], |line, values| {
@@ -91,9 +91,10 @@ fn numbered(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Option<
     });
     let (line, from, to) = jump.filter(|_| is_count)?;
     Some(format!(
-        "{:?} goes from {from} to {to} in line {line}: rows are not there, but the times follow from a rate as if they were; state the rate of \
-         those that are with `rate_hz`, or use the numbers as times",
-        titles[index].name
+        "{:?} goes from {from} to {to} in line {line}: rows are not there, but the times follow from a rate as if they were; use the numbers as \
+         times, as in `columns` time={}*0.001",
+        titles[index].name,
+        index + 1
     ))
 }
 

@@ -31,13 +31,11 @@ pub fn refuse_shifted(
     columns: usize,
     separator: Separator,
 ) -> Result<(), (u64, String)> {
-    if titles == 0 || columns <= titles {
-        return Ok(());
+    let has_more = || separator.split(row.text)[titles..].iter().any(|cell| !cell.is_empty());
+    if titles > 0 && columns > titles && has_more() {
+        return Err((row.number, more_cells(row.text, columns, titles, separator)));
     }
-    if separator.split(row.text)[titles..].iter().all(|cell| cell.is_empty()) {
-        return Ok(());
-    }
-    Err((row.number, more_cells(row.text, columns, titles, separator)))
+    Ok(())
 }
 
 /// Refuses rows without names of which the first counts the columns: it may be their names.
@@ -62,10 +60,16 @@ pub fn refuse_counted(rows: &[Line<'_>], separator: Separator) -> Result<(), (u6
     }
 }
 
-/// Refuses a table whose first row has this number where more rows of `lines` above it are numbers between another separator.
-pub fn refuse_other_separator(lines: &[Line<'_>], first: u64, separator: Separator) -> Result<(), (u64, String)> {
+/// Refuses a table whose first row has this number where several of `lines` above it, behind that of the names if it is known, are rows of
+/// numbers between another separator.
+pub fn refuse_other_separator(
+    lines: &[Line<'_>],
+    names: u64,
+    first: u64,
+    separator: Separator,
+) -> Result<(), (u64, String)> {
     const MIN_ROWS: usize = 3;
-    let above = || lines.iter().take_while(|line| line.number < first);
+    let above = || lines.iter().filter(|line| (names + 1..first).contains(&line.number));
     let is_number = |cell: &&str| numbers::is_plain(cell);
     for other in Separator::ALL.into_iter().filter(|other| *other != separator) {
         let is_row = |line: &&Line<'_>| {
@@ -97,7 +101,7 @@ pub fn fewer_cells(cells: usize, columns: usize) -> String {
 }
 
 /// The line and the cause where commas may be the decimal signs or the thousands of all `rows` as well as their separators: they are shifted by
-/// as many cells as there is room for behind the last of `titles` that has a name and is `used`.
+/// as many cells as there is room for behind the last of `titles` that has a name and `is_used`.
 pub fn into_spare<'a>(
     mut rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Clone,
     titles: &[Title],
@@ -130,9 +134,9 @@ pub fn into_spare<'a>(
     let are_grouped = || rows.clone().all(|(_, cells)| pairs(&cells));
     let may_shift = has_room(&cells) && (are_whole() || are_grouped());
     (may_shift && rows.all(is_spare)).then(|| {
-        let cause = "the rows have a cell more than there are names, and no decimal points: the commas may be decimal signs or separate \
-                     thousands, which shifts the values; export with a decimal point and without thousands, or separated by semicolons; if they \
-                     only separate cells, end the line of the names with a comma as well";
+        let cause = "the rows have a cell more than there are names: some commas may be decimal signs or separate thousands, which shifts the \
+                     values; export with a decimal point and without thousands, or separated by semicolons; if the commas only separate cells, \
+                     name the columns by number with `columns`";
         (line, cause.into())
     })
 }

@@ -1,5 +1,6 @@
 //! Contents of a file: rows or series of numbers under titles.
 
+use super::clock;
 use super::header::Head;
 use super::mat;
 use super::names::Title;
@@ -150,7 +151,7 @@ pub fn si(name: &str, value: Value<'_>, factor: f64) -> Result<Option<f64>, Stri
         }
         Value::Number(number) => Err(format!("{name} is {number:?}; no instrument reads that")),
         Value::Text(text) => {
-            if text.starts_with('@') {
+            if text.starts_with('@') && clock::is_clock(text) {
                 return Err(format!("{name} is a date in the spreadsheet; format its cells as numbers"));
             }
             let begin: String = text.chars().take(40).collect();

@@ -143,7 +143,7 @@ impl<'a> TextTable<'a> {
         }
         match found.as_slice() {
             [one] => {
-                refuse_other_separator(&lines, one.first.number, one.separator)?;
+                refuse_other_separator(&lines, dialect.header_line.unwrap_or(0), one.first.number, one.separator)?;
                 Ok(one.clone())
             }
             [first, second, ..] => {

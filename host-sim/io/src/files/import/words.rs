@@ -59,12 +59,12 @@ pub(super) const DERIVED: &str = "rms eff effekti efficac eficaz filter filtr sm
     stdev sigma varian error err deviation dev abweich fehler schlepp residu theor théor model fem simul predict \
     estimat geschätzt expected calc comput berechnet fit fitted detrend normaliz normalis normier interpol \
     corrected offset zero tare ripple noise ac range scale gain amplitude envelope delta drift cumul squared \
-    resolution auflösung uncertain unsicher initial inverted negated fft log log10 sqrt velocity speed \
-    travelled traveled increment dvoltage hex geschwindigkeit 速度 误差 誤差 平均 最大 最小 有效 実効 峰值";
+    resolution auflösung uncertain unsicher initial inverted negated fft log log10 sqrt velocity \
+    travelled traveled increments dvoltage hex geschwindigkeit 速度 误差 誤差 平均 最大 最小 有效 実効 峰值";
 /// Words for the time from one row to the next.
 pub(super) const STEPS: &str = "interval intervall dt";
-/// Words for times that are not those of the rows.
-pub(super) const NO_TIMES: &str = "interval intervall dt delta diff last squared sqrt log log10 jitter constant konstante exposure left remaining \
+/// Further words for times that are not those of the rows.
+pub(super) const NO_TIMES: &str = "delta diff last squared sqrt log log10 jitter constant konstante exposure left remaining \
     countdown restzeit";
 /// Parts of words for what does not move.
 pub(super) const SIZES: &str = "thickness width length diameter radius gap prestretch standoff x0 l0 wavelength dicke breite länge épaisseur largeur longueur 厚";
