@@ -23,6 +23,10 @@ pub trait Problem: Sync {
     fn negligible(&self) -> f64 {
         0.0
     }
+    /// Cost that is worth going on for: a search that does not approach it ends.
+    fn worthwhile(&self) -> f64 {
+        f64::INFINITY
+    }
     /// Whether to stop early and keep the best so far.
     fn interrupted(&self) -> bool {
         false
@@ -79,6 +83,9 @@ pub const MAX_STEP: f64 = 3.0;
 /// Trials of one step, with increasing damping, before the search has converged.
 const MAX_TRIALS: usize = 30;
 
+/// Steps within which a search must be able to reach a cost that is worthwhile, if each decreases it as the last one did.
+const HORIZON: i32 = 40;
+
 /// The minimum that is reached from `start`; none if the problem has no value there.
 pub fn minimise<P: Problem>(problem: &P, start: &[f64], stopping: StoppingCriteria) -> Option<Minimum> {
     let mut search = Search::new(problem, start)?;
@@ -88,7 +95,8 @@ pub fn minimise<P: Problem>(problem: &P, start: &[f64], stopping: StoppingCriter
     let mut iterations = 0;
     // Steps in a row that hardly decreased the cost.
     let mut small_steps = 0;
-    while !converged && iterations < stopping.iterations && !problem.interrupted() {
+    let mut hopeless = false;
+    while !converged && !hopeless && iterations < stopping.iterations && !problem.interrupted() {
         let jacobian = problem.jacobian(&search.values, &search.evaluation);
         iterations += 1;
         (normal, gradient) = normal_equations(&jacobian, &search.residuals);
@@ -99,8 +107,10 @@ pub fn minimise<P: Problem>(problem: &P, start: &[f64], stopping: StoppingCriter
             break;
         }
         match search.step(&normal, &gradient, &free) {
-            Some(decrease) if decrease < stopping.decrease => small_steps += 1,
-            Some(_) => small_steps = 0,
+            Some(decrease) => {
+                small_steps = if decrease < stopping.decrease { small_steps + 1 } else { 0 };
+                hopeless = search.cost * (1.0 - decrease).powi(HORIZON) > problem.worthwhile();
+            }
             None => converged = true,
         }
         converged |= small_steps >= 2 || search.cost <= problem.negligible();

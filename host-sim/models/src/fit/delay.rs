@@ -5,6 +5,7 @@
 //! fitted only where it explains what no film does, one with such a branch included.
 
 use num_complex::Complex;
+use rayon::prelude::*;
 use springpot::{Springpot, Topology};
 
 use super::candidate::{Candidate, Variable};
@@ -56,7 +57,11 @@ fn of_small_structure(context: &Context<'_>) -> Option<f64> {
         });
         let starts: Vec<Candidate> = late.collect();
         let late = context.with_delay(0.0);
-        shown(context, &prompt, &late.best_over(late.coarse, &starts)?)
+        let (variables, worthwhile) = (late.variables_of(&prompt.candidate), WORTH * prompt.minimum.cost);
+        let descent = |start| late.descend_towards(worthwhile, late.coarse, start, variables.clone(), STOPPING);
+        let descents = starts.par_iter().filter_map(descent);
+        let late = descents.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost))?;
+        shown(context, &prompt, &late)
     })
 }
 
@@ -65,15 +70,19 @@ fn of_structure(context: &Context<'_>, found: &Found) -> Option<f64> {
     if !context.excitation.identifies(Variable::Delay) || found.variables.contains(&Variable::Delay) {
         return None;
     }
-    let over = |found: &Found, variables| context.descend_over(context.coarse, &found.candidate, variables, STOPPING);
-    let prompt = over(found, found.variables.clone())?;
-    let late = over(&prompt, [found.variables.as_slice(), &[Variable::Delay]].concat())?;
+    let prompt = context.descend_over(context.coarse, &found.candidate, found.variables.clone(), STOPPING)?;
+    let variables = [found.variables.as_slice(), &[Variable::Delay]].concat();
+    let worthwhile = WORTH * prompt.minimum.cost;
+    let late = context.descend_towards(worthwhile, context.coarse, &prompt.candidate, variables, STOPPING)?;
     shown(context, &prompt, &late)
 }
 
 /// The delay (s) of `late` if that brings the cost to a share of [`WORTH`]: of that of `prompt`, which has none, and of films that lag by as
 /// much.
 fn shown(context: &Context<'_>, prompt: &Found, late: &Found) -> Option<f64> {
+    if late.minimum.cost > WORTH * prompt.minimum.cost {
+        return None;
+    }
     let delay_s = late.candidate.delay_s;
     let lag =
         |film: &Candidate| Some(context.descend(context.coarse, &lagging(film, delay_s)?, STOPPING)?.minimum.cost);

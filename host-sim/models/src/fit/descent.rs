@@ -32,6 +32,9 @@ const MIN_STARTS: usize = 8;
 const FIRST_ITERATIONS: usize = 10;
 const CONTINUED: usize = 3;
 
+/// Share of the least cost so far that another of these must be able to reach to be better.
+const BETTER: f64 = 0.998;
+
 /// Observations with what every search needs of them.
 pub struct PreparedObservations {
     scout: Option<Objective>,
@@ -205,7 +208,7 @@ impl Context<'_> {
     /// The best candidate over `objective` from `starts`, which have the same variables.
     pub(super) fn best_over(&self, objective: &Objective, starts: &[Candidate]) -> Option<Found> {
         let stopping = StoppingCriteria { iterations: 60, decrease: 1e-7 };
-        self.descents(objective, starts, &self.variables_of(starts.first()?), stopping).into_iter().next()
+        self.descents(objective, starts, &self.variables_of(starts.first()?), stopping, BETTER).into_iter().next()
     }
 
     /// `candidate` on the thinned recordings, where structures of other kinds are compared with it.
@@ -243,38 +246,42 @@ impl Context<'_> {
         // Close enough to compare structures: the last search is on all samples.
         let stopping = StoppingCriteria { iterations: 60, decrease: 1e-5 };
         let found = match self.scout {
-            None => self.descents(self.coarse, starts, variables, stopping),
+            None => self.descents(self.coarse, starts, variables, stopping, BETTER),
             Some(scout) => {
-                let first = self.descents(scout, starts, variables, stopping);
-                self.descents(self.coarse, &self.promising(first), variables, stopping)
+                let first = self.descents(scout, starts, variables, stopping, self.near());
+                self.descents(self.coarse, &self.promising(first), variables, stopping, BETTER)
             }
         };
         found.into_iter().next()
     }
 
-    /// The minima that are reached from `starts`, the least first.
+    /// The minima that are reached from `starts`, the least first. Those that will not come to this `share` of the least are not searched to their end.
     fn descents(
         &self,
         objective: &Objective,
         starts: &[Candidate],
         variables: &[Variable],
         stopping: StoppingCriteria,
+        share: f64,
     ) -> Vec<Found> {
         // An interrupted search begins no further ones, once it has had a chance of a result.
         let is_begun = |index: usize| index < MIN_STARTS || !self.stop.load(Ordering::Relaxed);
-        let from = |starts: &[Candidate], stopping: StoppingCriteria| {
-            let descent = |start| self.descend_over(objective, start, variables.to_vec(), stopping);
-            let begun = starts.par_iter().enumerate().filter(|(index, _)| is_begun(*index));
-            let mut found: Vec<Found> = begun.filter_map(|(_, start)| descent(start)).collect();
-            found.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
-            found
+        let descent = |start: &Candidate, stopping: StoppingCriteria, worthwhile: f64| {
+            self.descend_towards(worthwhile, objective, start, variables.to_vec(), stopping)
         };
-        if starts.len() <= CONTINUED {
-            return from(starts, stopping);
-        }
-        let first = from(starts, StoppingCriteria { iterations: FIRST_ITERATIONS, ..stopping });
-        let promising: Vec<Candidate> = first.iter().take(CONTINUED).map(|found| found.candidate.clone()).collect();
-        from(&promising, stopping)
+        let begun = starts.par_iter().enumerate().filter(|(index, _)| is_begun(*index));
+        let few = StoppingCriteria { iterations: FIRST_ITERATIONS, ..stopping };
+        let mut first = sorted(begun.filter_map(|(_, start)| descent(start, few, f64::INFINITY)).collect());
+        first.truncate(CONTINUED);
+        let on = |found: &Found, worthwhile: f64| {
+            let ended = found.minimum.converged.then(|| found.clone());
+            ended.or_else(|| descent(&found.candidate, stopping, worthwhile))
+        };
+        let Some((best, others)) = first.split_first() else { return first };
+        let best = on(best, f64::INFINITY);
+        let least = best.as_ref().map_or(f64::INFINITY, |best| best.minimum.cost);
+        let others: Vec<Found> = others.par_iter().filter_map(|found| on(found, share * least)).collect();
+        sorted(best.into_iter().chain(others).collect())
     }
 
     /// The two best minima that differ, because thinning could have changed their order.
@@ -282,9 +289,13 @@ impl Context<'_> {
         let best = found.first().map_or(0.0, |best| best.minimum.cost);
         found.dedup_by(|b, a| b.minimum.cost <= 1.001 * a.minimum.cost);
         found.truncate(if self.stop.load(Ordering::Relaxed) { 1 } else { 2 });
-        // Of long recordings a second descent costs seconds: the beginning decides unless both are nearly the same.
-        let near = if is_long(self.fine) { 1.05 } else { 1.2 };
-        found.into_iter().filter(|f| f.minimum.cost <= near * best).map(|f| f.candidate).collect()
+        found.into_iter().filter(|f| f.minimum.cost <= self.near() * best).map(|f| f.candidate).collect()
+    }
+
+    /// Cost of a minimum on the beginning, over the least, that may be the least on all of it. Of long recordings a second descent costs seconds: the
+    /// beginning decides unless both are nearly the same.
+    fn near(&self) -> f64 {
+        if is_long(self.fine) { 1.05 } else { 1.2 }
     }
 
     /// `found` on all samples.
@@ -307,7 +318,20 @@ impl Context<'_> {
         variables: Vec<Variable>,
         stopping: StoppingCriteria,
     ) -> Option<Found> {
+        self.descend_towards(f64::INFINITY, objective, start, variables, stopping)
+    }
+
+    /// The same as long as the cost may become as small as is `worthwhile`.
+    pub(super) fn descend_towards(
+        &self,
+        worthwhile: f64,
+        objective: &Objective,
+        start: &Candidate,
+        variables: Vec<Variable>,
+        stopping: StoppingCriteria,
+    ) -> Option<Found> {
         let mut descent = Descent {
+            worthwhile: if self.loss == Loss::Square { worthwhile } else { f64::INFINITY },
             objective,
             base: start,
             bounds: variables.iter().map(|variable| variable.bounds_in(start)).collect(),
@@ -361,6 +385,12 @@ impl Found {
     }
 }
 
+/// `found`, the least cost first.
+fn sorted(mut found: Vec<Found>) -> Vec<Found> {
+    found.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
+    found
+}
+
 /// A descent from one start.
 struct Descent<'a> {
     objective: &'a Objective,
@@ -368,6 +398,7 @@ struct Descent<'a> {
     variables: Vec<Variable>,
     bounds: Vec<(f64, f64)>,
     weights: Option<Weights>,
+    worthwhile: f64,
     stop: &'a AtomicBool,
     evaluations: &'a AtomicUsize,
 }
@@ -445,6 +476,10 @@ impl Problem for Descent<'_> {
 
     fn negligible(&self) -> f64 {
         self.objective.negligible()
+    }
+
+    fn worthwhile(&self) -> f64 {
+        self.worthwhile
     }
 
     fn interrupted(&self) -> bool {

@@ -21,6 +21,9 @@ use host_io::choice::Choice;
 /// Nonlinear structures of long recordings that are fitted beyond their beginning.
 const FINALISTS: usize = 2;
 
+/// Share of the cost of a simpler kind to which a nonlinearity must bring it with as many branches.
+const ADDS: f64 = 0.995;
+
 /// A selected structure.
 #[derive(Clone)]
 pub struct Selected {
@@ -159,7 +162,7 @@ impl Search<'_> {
 
     /// Fits of every kind of nonlinearity that may be selected instead of `linear` ones.
     fn nonlinear(&self, linear: &[Found]) -> Vec<Found> {
-        let Self { context, settings, .. } = self;
+        let Self { context, settings, stages, .. } = self;
         let is_auto = settings.curve == CurveChoice::Auto;
         let kinds = Kind::for_choice(settings.curve, self.observations);
         let best = linear.iter().min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
@@ -173,6 +176,8 @@ impl Search<'_> {
         let branches = || settings.branches.iter().copied();
         self.stages.expect(kinds[1..].iter().flat_map(|_| branches().take(3).map(work)));
         let mut fits: Vec<Found> = Vec::new();
+        // The best of every kind.
+        let mut least_of = vec![(Kind::Linear, best.clone())];
         for &kind in &kinds[1..] {
             let least = linear.iter().chain(&fits).min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
             let least = least.map_or(f64::INFINITY, |least| least.minimum.cost);
@@ -218,9 +223,32 @@ impl Search<'_> {
             let simpler = simpler.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
             let fewest = simpler.map_or(0, |simpler| simpler.candidate.branches());
             let branches = branches().filter(|&n| n >= fewest);
-            fits.extend(self.growing(&kind.name(), branches, None, fit, goes_on));
+            let simpler = least_of.iter().filter(|(other, _)| is_auto && kind.adds_to(*other)).map(|(_, found)| found);
+            let simpler = simpler.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
+            let with_as_many = simpler.and_then(|simpler| {
+                let branches = simpler.candidate.branches();
+                stages.begin(format!("{} with n = {branches}", kind.name()), branches);
+                fit(branches, None)
+            });
+            let adds = |(more, simpler): (&Found, &Found)| more.minimum.cost <= ADDS * simpler.minimum.cost;
+            if !with_as_many.as_ref().zip(simpler).is_none_or(adds) {
+                continue;
+            }
+            let fit = |branches: usize, smaller: Option<&Found>| {
+                let same =
+                    with_as_many.iter().find(|found| smaller.is_none() && found.candidate.branches() == branches);
+                same.cloned().or_else(|| fit(branches, smaller))
+            };
+            let found = self.growing(&kind.name(), branches, None, fit, goes_on);
+            let least = found.iter().min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
+            least_of.extend(least.map(|least| (kind, least.clone())));
+            fits.extend(found);
         }
         if beginning.is_some() {
+            let is_larger = |fit: &Found, other: &Found| {
+                other.variables.len() < fit.variables.len() && !is_worth_it(fit.minimum.cost, other.minimum.cost)
+            };
+            fits = fits.iter().filter(|fit| !fits.iter().any(|other| is_larger(fit, other))).cloned().collect();
             fits.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
             fits.truncate(FINALISTS);
             fits = fits.iter().filter_map(|fit| context.coarsened(&fit.candidate)).collect();

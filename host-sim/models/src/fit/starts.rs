@@ -205,6 +205,19 @@ impl Kind {
             || candidate.is_straight() && (may_saturate || candidate.actuator.saturation_v.is_none())
     }
 
+    /// Whether this kind has all that the `other` has, and more, which must explain something.
+    pub(super) fn adds_to(self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Free { pieces, saturates }, Self::Free { pieces: fewer, saturates: without }) => {
+                self != other && fewer <= pieces && without <= saturates
+            }
+            (Self::Saturation, Self::Linear)
+            | (Self::Free { saturates: true, .. }, Self::Saturation)
+            | (Self::Series { saturates: true }, Self::Series { saturates: false }) => true,
+            _ => false,
+        }
+    }
+
     /// Whether this kind is the spring in series of `candidate` and a saturation.
     pub(super) fn adds_saturation_to(self, candidate: &Candidate) -> bool {
         self == Self::Series { saturates: true } && candidate.is_in_series()

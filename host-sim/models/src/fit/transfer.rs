@@ -1,6 +1,6 @@
 //! The model in the frequency domain with its derivatives, and the solution of its coupled motion.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -38,8 +38,8 @@ pub(super) struct Transfer {
     pub(super) compliance: Spectrum,
     /// m s² + K, N/m.
     pub(super) stiffness: Spectrum,
-    /// ∂K/∂ ln c of every element at the nodes, N/m.
-    sensitivities: Vec<Spectrum>,
+    /// ∂K/∂ ln c of every element at the nodes, N/m, and once it is asked for on the circle.
+    sensitivities: Vec<(Spectrum, OnceLock<Spectrum>)>,
     /// m s² and K, N/m: kept for films with curves.
     pub(super) inertia: Spectrum,
     pub(super) kernel: Spectrum,
@@ -80,12 +80,14 @@ impl Transfer {
             inertia = circle.ln_s().iter().map(|z| (2.0 * z).exp() * model.mass_kg()).collect();
             kernel = stiffness.iter().zip(&inertia).map(|(stiffness, inertia)| stiffness - inertia).collect();
         }
+        let sensitivities = sensitivities.into_iter().map(|at_nodes| (at_nodes, OnceLock::new())).collect();
         finite.then_some(Self { compliance, stiffness, inertia, kernel, in_series, sensitivities, law })
     }
 
     /// ∂K/∂ ln c of `element` on the circle, N/m.
-    pub(super) fn sensitivity(&self, element: usize, nodes: &Nodes) -> Spectrum {
-        nodes.spread(self.sensitivities[element].clone())
+    pub(super) fn sensitivity(&self, element: usize, nodes: &Nodes) -> &Spectrum {
+        let (at_nodes, on_circle) = &self.sensitivities[element];
+        on_circle.get_or_init(|| nodes.spread(at_nodes.clone()))
     }
 
     /// The displacement under `loads`, with full memory where there is coupling.

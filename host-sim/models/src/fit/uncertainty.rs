@@ -124,12 +124,20 @@ impl Estimate {
 /// `found` after further searches on all samples, until it is near its minimum or they lead nowhere.
 pub(super) fn at_minimum(context: &Context<'_>, mut found: Found) -> Found {
     const SEARCHES: usize = 6;
+    /// Squares of standard deviations that may be left at a minimum, and where a search that has converged can take no smaller step.
+    const CLOSE: f64 = 0.05;
+    const CONVERGED: f64 = 1.0;
+    /// Share of what was left to which a search must come for another one.
+    const LEADS: f64 = 0.5;
     let further = StoppingCriteria { iterations: 60, decrease: 1e-9 };
+    let mut before = f64::INFINITY;
     for _ in 0..SEARCHES {
-        found.minimum.converged = is_near_minimum(context, &found);
-        if found.minimum.converged || context.stop.load(Ordering::Relaxed) {
+        let left = left(context, &found);
+        found.minimum.converged = left <= if found.minimum.converged { CONVERGED } else { CLOSE };
+        if found.minimum.converged || left > LEADS * before || context.stop.load(Ordering::Relaxed) {
             break;
         }
+        before = left;
         match context.descend_over(context.fine, &found.candidate, found.variables.clone(), further) {
             Some(next) if next.minimum.cost < found.minimum.cost => found = next,
             _ => break,
@@ -138,16 +146,12 @@ pub(super) fn at_minimum(context: &Context<'_>, mut found: Found) -> Found {
     found
 }
 
-/// Whether the search that ended with `found` is so near its minimum that intervals can be given: the step that is left is within a part
-/// of the standard deviations, or a search that has converged can take no smaller one.
-fn is_near_minimum(context: &Context<'_>, found: &Found) -> bool {
-    const CLOSE: f64 = 0.05;
-    let Some(evaluation) = context.fine.evaluate(&found.candidate) else { return false };
+/// The step to its minimum that is left of the search that ended with `found`, in squares of standard deviations.
+fn left(context: &Context<'_>, found: &Found) -> f64 {
+    let Some(evaluation) = context.fine.evaluate(&found.candidate) else { return f64::INFINITY };
     let samples = Whiteness::new(context.fine.values(), &context.fine.residuals(&evaluation)).effective_samples;
     let inside: Vec<usize> = (0..found.variables.len()).filter(|&i| !is_at_bound(found.variables[i], found)).collect();
-    // In squares of standard deviations.
-    let left = found.minimum.left(&inside, RANK) * samples;
-    left <= CLOSE || found.minimum.converged && left <= 1.0
+    found.minimum.left(&inside, RANK) * samples
 }
 
 fn is_at_bound(variable: Variable, found: &Found) -> bool {

@@ -179,7 +179,7 @@ impl<'a> Linearised<'a> {
 
     /// Derivatives of the residuals with respect to up to [`LANES`] variables.
     fn columns(&self, variables: &[Variable]) -> Vec<Vec<f64>> {
-        let Record { readings, samples, .. } = self.record;
+        let readings = &self.record.readings;
         let is_of_film = |variable: &Variable| match variable {
             Variable::Offset => self.record.measures_force(),
             Variable::Delay => false,
@@ -191,15 +191,10 @@ impl<'a> Linearised<'a> {
         };
         let changes: Vec<Change> = variables.iter().map(change).collect();
         let (mut moved, offsets): (Vec<_>, Vec<_>) = changes.into_iter().map(|c| (c.force, c.moved)).unzip();
-        if let Some(tangent) = &self.shared.tangent {
-            let mut forces = vec![[0.0; LANES]; *samples];
-            for (lane, series) in moved.iter().enumerate() {
-                forces.iter_mut().zip(series.iter().flatten()).for_each(|(force, value)| force[lane] = *value);
-            }
-            tangent.displacements(&mut forces);
-            for (lane, series) in moved.iter_mut().enumerate() {
-                series.iter_mut().flatten().zip(&forces).for_each(|(value, moved)| *value = moved[lane]);
-            }
+        match &self.shared.tangent {
+            Some(tangent) if variables.len() <= LANES / 2 => tangent.moved::<{ LANES / 2 }>(&mut moved),
+            Some(tangent) => tangent.moved::<LANES>(&mut moved),
+            None => {}
         }
         for (series, offset) in moved.iter_mut().zip(offsets) {
             series.iter_mut().flatten().zip(offset.iter().flatten()).for_each(|(value, offset)| *value += offset);
@@ -326,7 +321,7 @@ impl<'a> Linearised<'a> {
 
     /// ∂(K T)/∂ `variable` of an element, from the spectrum of T.
     fn modulus_change(&self, stretched: &[Complex<f64>], variable: Variable) -> Option<Spectrum> {
-        let sensitivity = |element| product(stretched, &self.transfer.sensitivity(element, self.nodes));
+        let sensitivity = |element| product(stretched, self.transfer.sensitivity(element, self.nodes));
         match variable {
             Variable::Coefficient(element) => Some(sensitivity(element)),
             Variable::Order(element) => Some(product(&sensitivity(element), self.circle.ln_s())),

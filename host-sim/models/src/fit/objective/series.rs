@@ -88,7 +88,7 @@ impl<'a> Near<'a> {
             Variable::Order(element) => (element, true),
             _ => return None,
         };
-        let resisted = product(&self.memory, &self.transfer.sensitivity(element, self.nodes));
+        let resisted = product(&self.memory, self.transfer.sensitivity(element, self.nodes));
         let mut moved: Spectrum = resisted.iter().zip(&self.transfer.kernel).map(|(force, k)| -force / k).collect();
         if is_order {
             moved = product(&moved, self.circle.ln_s());

@@ -79,8 +79,20 @@ impl Tangent {
         self.slopes.iter().map(|slopes| slopes[1])
     }
 
+    /// The displacements (m) from rest under up to `LANES` series of forces (N), in their place.
+    pub(super) fn moved<const LANES: usize>(&self, series: &mut [Option<Vec<f64>>]) {
+        let mut forces = vec![[0.0; LANES]; self.slopes.len()];
+        for (lane, series) in series.iter().enumerate() {
+            forces.iter_mut().zip(series.iter().flatten()).for_each(|(force, value)| force[lane] = *value);
+        }
+        self.displacements(&mut forces);
+        for (lane, series) in series.iter_mut().enumerate() {
+            series.iter_mut().flatten().zip(&forces).for_each(|(value, moved)| *value = moved[lane]);
+        }
+    }
+
     /// The displacements (m) from rest under `forces` (N), in their place.
-    pub(super) fn displacements(&self, forces: &mut [[f64; LANES]]) {
+    fn displacements<const LANES: usize>(&self, forces: &mut [[f64; LANES]]) {
         let [newest, first, second, third] = self.differences.map(|share| share * self.inertia);
         let Coefficients { head, fast, .. } = &self.memory;
         let mut increments = [[[0.0; LANES]; HEAD]; 2];
@@ -118,7 +130,7 @@ impl Tangent {
                 known = lanes(|lane| known[lane] + weight * value[lane]);
             }
             for (extension, (loss, weight)) in extensions.iter_mut().zip(fast) {
-                *extension = lanes(|lane| extension[lane] + (oldest[lane] - loss * extension[lane]));
+                *extension = lanes(|lane| oldest[lane] + (1.0 - loss) * extension[lane]);
                 known = lanes(|lane| known[lane] + weight * extension[lane]);
             }
         }
@@ -127,7 +139,7 @@ impl Tangent {
 
 /// A value for every lane, in a loop that the compiler vectorises.
 #[inline(always)]
-fn lanes(of: impl Fn(usize) -> f64) -> [f64; LANES] {
+fn lanes<const LANES: usize>(of: impl Fn(usize) -> f64) -> [f64; LANES] {
     let mut values = [0.0; LANES];
     (0..LANES).for_each(|lane| values[lane] = of(lane));
     values
