@@ -10,7 +10,7 @@ fn hostile_files_are_refused_with_their_cause() {
     let folder = Folder::new();
     has(&folder.refused("", ""), &["is empty", "time_s"]);
     has(&folder.refused("Film 3\nOperator;AB\n\n", ""), &["no rows of numbers", "Film 3"]);
-    has(&folder.refused("Time (s);U (kV)\n0;0\n", ""), &["1 data rows"]);
+    has(&folder.refused("Time (s);U (kV)\n0;0\n", ""), &["1 data row;"]);
     has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\n1;3\n", ""), &["film.txt:4:", "does not increase"]);
     has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\n0,5;3\n", ""), &["film.txt:4:", "backwards"]);
     has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\nNaN;3\n", ""), &["film.txt:4:", "every row needs its time"]);

@@ -105,7 +105,12 @@ fn a_material_test_is_read_in_the_labs_dialect() {
     let folder = Folder::new();
     let of_stretch = |k: f64| [1.0 + 0.02 * k, 0.01 * k];
     let of_specimen = |k: f64| [2.0 * k, 0.1 * k];
+    let in_inches = |k: f64| [2.0 * k / 25.4, 0.1 * k / 4.4482216152605];
     for (text, columns) in [
+        (machine("Prüfzeit [s];Standardweg [mm];Standardkraft [N]", of_specimen), ""),
+        (machine("Time (sec);Extension (in);Load (lbf)", in_inches), ""),
+        (machine("Time (s);Extension (mm);Load (kgf)", |k| [2.0 * k, 0.1 * k / 9.80665]), ""),
+        (machine("Time (s);Extension (mm);Load (gf)", |k| [2.0 * k, 0.1 * k / 9.80665e-3]), ""),
         (machine("Prüfzeit Zeit [s];Stretch;Stress [MPa]", of_stretch), ""),
         (machine("Zeit (s);λ;Nominal stress (N/mm²)", of_stretch), ""),
         (machine("Zeit (s);a;b", of_stretch), "stretch=2,stress=3:MPa"),

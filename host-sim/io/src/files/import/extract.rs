@@ -412,7 +412,8 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     }
     series.understood.notes = notes;
     match series.clock_s.len() {
-        rows @ (0 | 1) => Err(Error::file(path, format!("{rows} data rows; a recording needs at least 2"))),
+        0 => Err(Error::file(path, "no data rows; a recording needs at least 2")),
+        1 => Err(Error::file(path, "1 data row; a recording needs at least 2")),
         _ => Ok(series),
     }
 }

@@ -295,7 +295,8 @@ fn split(title: &str, request: &Request<'_>, capitals: bool) -> (String, UnitSen
     }
     let outside = outside.replace(" per ", "/").replace(" pro ", "/");
     for separator in ["/", ",", " in ", "_", " "] {
-        if let Some((name, unit)) = outside.trim().rsplit_once(separator) {
+        // The word in is no inch: `Channel in`.
+        if let Some((name, unit)) = outside.trim().rsplit_once(separator).filter(|(_, unit)| unit.trim() != "in") {
             let sense = sense_of(unit, capitals);
             if let UnitSense::Known(unit) = sense
                 && is_compound(name, separator, unit)

@@ -38,6 +38,9 @@ const UNITS: &[(Unit, &[&str], &[&str])] = &[
     (unit(Quantity::Force, "kN", 1e3), &["kN"], &["kilonewton", "kilonewtons"]),
     (unit(Quantity::Force, "mN", 1e-3), &["mN"], &["millinewton", "millinewtons"]),
     (unit(Quantity::Force, "µN", 1e-6), &["µN", "uN"], &["micronewton", "micronewtons"]),
+    (unit(Quantity::Force, "gf", 9.80665e-3), &["gf"], &["gram-force"]),
+    (unit(Quantity::Force, "kgf", 9.80665), &["kgf"], &["kilogram-force"]),
+    (unit(Quantity::Force, "lbf", 4.448_221_615_260_5), &["lbf"], &["pound-force"]),
     (unit(Quantity::Displacement, "m", 1.0), &["m", "米"], &["meter", "meters", "metre", "metres"]),
     (
         unit(Quantity::Displacement, "cm", 1e-2),
@@ -55,6 +58,7 @@ const UNITS: &[(Unit, &[&str], &[&str])] = &[
         &["micron", "microns", "micrometer", "micrometers", "micrometre", "micrometres"],
     ),
     (unit(Quantity::Displacement, "nm", 1e-9), &["nm"], &["nanometer", "nanometers", "nanometre", "nanometres"]),
+    (unit(Quantity::Displacement, "in", 25.4e-3), &["in"], &["inch", "inches"]),
     (unit(Quantity::Stress, "Pa", 1.0), &["Pa"], &["pascal"]),
     (unit(Quantity::Stress, "kPa", 1e3), &["kPa"], &["kilopascal"]),
     (unit(Quantity::Stress, "MPa", 1e6), &["MPa", "N/mm²", "N/mm2"], &["megapascal"]),
@@ -110,8 +114,8 @@ pub fn usual(quantity: Quantity) -> &'static str {
     match quantity {
         Quantity::Time => "s, ms, µs, ns, min, h or days",
         Quantity::Voltage | Quantity::Command => "V, kV or mV",
-        Quantity::Force => "N, mN, µN or kN",
-        Quantity::Displacement => "m, cm, mm, µm or nm",
+        Quantity::Force => "N, mN, µN, kN, gf, kgf or lbf",
+        Quantity::Displacement => "m, cm, mm, µm, nm or in",
         Quantity::Stress => "Pa, kPa or MPa",
         Quantity::Weight | Quantity::Temperature | Quantity::Stretch => "none",
     }

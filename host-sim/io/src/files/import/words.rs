@@ -4,15 +4,15 @@ use super::Quantity;
 
 /// Words that name a quantity anywhere in a title.
 pub(super) const WORDS: &[(Quantity, &str)] = &[
-    (Quantity::Time, "time zeit temps tiempo tempo elapsed timestamp 时间 時間"),
+    (Quantity::Time, "time zeit prüfzeit messzeit temps tiempo tempo elapsed timestamp 时间 時間"),
     (
         Quantity::Voltage,
         "voltage volts hv highvoltage spannung hochspannung tension voltaje tensione 电压 電壓 高压 電圧 vmon umon",
     ),
-    (Quantity::Force, "force load loadcell kraft fuerza forza 力 载荷"),
+    (Quantity::Force, "force load loadcell kraft standardkraft prüfkraft zugkraft fuerza forza 力 载荷"),
     (
         Quantity::Displacement,
-        "displacement stroke laser extension elongation deflection travel position weg hub auslenkung verschiebung \
+        "displacement stroke laser extension elongation deflection travel position weg standardweg traversenweg hub auslenkung verschiebung \
     deplacement déplacement desplazamiento spostamento 位移 変位",
     ),
 ];
