@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use super::lines::{Line, comments_between};
 use super::mapping::{self, By, Chosen};
 use super::names::Title;
 use super::numbers::{self, Cell, Decimal};
@@ -472,6 +473,16 @@ fn remarks(source: &Source<'_>, names: &[String], out_of_range: &[usize]) -> Vec
             let first: String = first.chars().take(40).collect();
             let lines = if count == 1 { "line" } else { "lines" };
             notes.push(format!("{count} {lines} below the rows left out, from {first:?} on"));
+        }
+        let comments: Vec<Line<'_>> =
+            table.segments.iter().flat_map(|(line, text)| comments_between(text, *line)).collect();
+        if let [first, more @ ..] = comments.as_slice() {
+            let text: String = first.text.trim().chars().take(40).collect();
+            let more = if more.is_empty() { String::new() } else { format!(", and {} more", more.len()) };
+            notes.push(format!(
+                "the comment {text:?} between the rows, in line {}{more}, changes nothing here",
+                first.number
+            ));
         }
         if let Some(row) = table.cut_off() {
             let end = table.separator.split(row).pop().unwrap_or_default();

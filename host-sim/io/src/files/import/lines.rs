@@ -57,6 +57,21 @@ pub fn is_comment(line: &str) -> bool {
     matches!(line.trim_start().as_bytes().first(), Some(b'#' | b'%'))
 }
 
+/// The comments of `text`, which begins in line `number`, that other lines follow.
+pub fn comments_between(text: &str, number: u64) -> Vec<Line<'_>> {
+    let mut comments: Vec<Line<'_>> = Vec::new();
+    let mut followed = 0;
+    for line in lines(text, number) {
+        if is_comment(line.text) {
+            comments.push(line);
+        } else {
+            followed = comments.len();
+        }
+    }
+    comments.truncate(followed);
+    comments
+}
+
 /// Whether a cell behind the values of its row is a remark, as of an event, and not a word such as `#N/A`.
 pub fn is_event(cell: &str) -> bool {
     is_comment(cell) && matches!(numbers::cell(cell, Decimal::Point), Cell::Text(_))

@@ -35,7 +35,7 @@ pub struct TextTable<'a> {
     /// The first row of numbers.
     first: Line<'a>,
     /// First line and text of each run of rows; headers are between them.
-    segments: Vec<(u64, &'a str)>,
+    pub segments: Vec<(u64, &'a str)>,
 }
 
 /// Properties of a text that are known before it is read.
