@@ -176,8 +176,11 @@ impl Search<'_> {
         let branches = || settings.branches.iter().copied();
         self.stages.expect(kinds[1..].iter().flat_map(|_| branches().take(3).map(work)));
         let mut fits: Vec<Found> = Vec::new();
-        // The best of every kind.
-        let mut least_of = vec![(Kind::Linear, best.clone())];
+        // The best of every kind. Costs on the beginning are not those of linear films on all of it.
+        let mut least_of: Vec<(Kind, Found)> = match beginning {
+            Some(_) => Vec::new(),
+            None => vec![(Kind::Linear, best.clone())],
+        };
         for &kind in &kinds[1..] {
             let least = linear.iter().chain(&fits).min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
             let least = least.map_or(f64::INFINITY, |least| least.minimum.cost);
@@ -245,19 +248,23 @@ impl Search<'_> {
             fits.extend(found);
         }
         if beginning.is_some() {
-            let is_larger = |fit: &Found, other: &Found| {
-                other.variables.len() < fit.variables.len() && !is_worth_it(fit.minimum.cost, other.minimum.cost)
-            };
-            fits = fits.iter().filter(|fit| !fits.iter().any(|other| is_larger(fit, other))).cloned().collect();
-            fits.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
-            fits.truncate(FINALISTS);
-            fits = fits.iter().filter_map(|fit| context.coarsened(&fit.candidate)).collect();
+            fits = self.finalists(&fits);
         }
         // What is left out is hardly fitted better than what is not: only what is near the best is compared.
         let least = fits.iter().map(|fit| fit.minimum.cost).fold(f64::INFINITY, f64::min);
         let least = if is_auto { least.min(best.minimum.cost) } else { least };
         fits.retain(|fit| is_near(fit.minimum.cost, least));
         fits
+    }
+
+    /// The best of `fits` to the beginning on all of the thinned recordings, without larger ones that are worth nothing beside a smaller one.
+    fn finalists(&self, fits: &[Found]) -> Vec<Found> {
+        let is_larger = |fit: &Found, other: &Found| {
+            other.variables.len() < fit.variables.len() && !is_worth_it(fit.minimum.cost, other.minimum.cost)
+        };
+        let mut best: Vec<&Found> = fits.iter().filter(|fit| !fits.iter().any(|other| is_larger(fit, other))).collect();
+        best.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
+        best.iter().take(FINALISTS).filter_map(|fit| self.context.coarsened(&fit.candidate)).collect()
     }
 
     /// The selected one of all that was `found`, with the rows of all if there are several.

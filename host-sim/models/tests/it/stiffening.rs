@@ -179,8 +179,30 @@ fn the_film_with_much_creep() {
     assert!(selected <= 1.3 * best && selected < 0.1, "{selected} of {best}");
     assert!(fit.candidate.is_in_series(), "its own structure");
     assert!(fit.structures.iter().all(|row| row.left_out_nrmse_pct.is_some()), "every structure is compared");
-    // Searches that lead nowhere end, and what explains nothing is not tried with every number of branches: 4361 without.
+    // Searches that lead nowhere end (4361 evaluations without), and its drive does not saturate.
     assert!(fit.evaluations < 3800, "{} evaluations", fit.evaluations);
+    assert!(fit.structures.iter().all(|row| !row.saturates), "what explains nothing is not compared");
+}
+
+/// The smaller one of two structures that explain the beginning of a long recording as well goes on.
+#[test]
+fn a_long_recording_gets_no_branch_without_effect() {
+    let mut case = Case { sines: vec![(3500.0, 0.15)], duration_s: 3400.0, rate_hz: 20.0, ..Case::much_creep() };
+    case.film.elements[1..].fill((f64::INFINITY, 1.0));
+    let settings = Settings {
+        actuator: FILM,
+        curve: CurveChoice::Series,
+        branches: vec![0, 1, 2],
+        uncertainty: false,
+        starts: 2,
+        ..Settings::default()
+    };
+    let fit = recorded::fitted(&case.recordings(1), &settings);
+    println!("{}", table(&fit));
+    let series: Vec<usize> =
+        fit.structures.iter().filter(|row| row.curve != "linear").map(|row| row.branches).collect();
+    assert_eq!(series, [1]);
+    assert!(fit.candidate.is_in_series() && fit.candidate.branches() == 1);
 }
 
 /// A candidate's memory fades within some steps of the rows, which is hard to compress: there was no fit once.
