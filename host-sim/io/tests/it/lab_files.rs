@@ -135,6 +135,21 @@ fn comments_between_the_rows_are_noted() {
     }
 }
 
+/// Inches are in brackets or written out: the word `in` names no unit.
+#[test]
+fn in_is_an_inch_in_brackets_alone() {
+    let folder = Folder::new();
+    let table = |header: &str| {
+        format!("Time (s),U (kV),{header}\n{}", rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm / 25.4]))
+    };
+    all_give_the_samples(
+        &["Laser (in)", "Laser inch", "Laser [inches]"].map(|header| (header, table(header).into_bytes())),
+    );
+    has(&folder.refused(table("Laser in"), ""), &["\"Laser in\" has no unit"]);
+    let read = folder.read(table("Channel in"), "").expect("read");
+    assert_eq!(read.understood().expect("a file").ignored, ["Channel in"]);
+}
+
 /// Every encoding of text.
 #[test]
 fn text_of_every_encoding_gives_the_samples() {
