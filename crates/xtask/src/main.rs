@@ -17,6 +17,7 @@ mod other_board;
 mod packages;
 mod page;
 mod process;
+mod programs;
 mod python;
 mod recordings;
 mod release;

@@ -1,21 +1,14 @@
 //! Every check and every test, stage by stage, on the host and in QEMU.
 
-use std::num::NonZero;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::time::Instant;
-use std::{env, fs, thread};
+use std::{fs, thread};
 
 use crate::embedded::Films;
 use crate::packages::LIBRARIES;
 use crate::process::{Result, at, cargo, read, root, run as run_command};
+use crate::programs::{Cases, Programs};
 use crate::{embedded, firmware, packages, setup};
-
-/// Variable that the tests read: with `full` they run all cases of their sweeps, otherwise a sample.
-const SWEEP: &str = "SPRINGPOT_SWEEP";
-
-/// Variable that Rust's test programs read: how many tests run at a time.
-const THREADS: &str = "RUST_TEST_THREADS";
 
 /// Stages of a run that have passed.
 struct Stages {
@@ -85,22 +78,21 @@ pub fn run() -> Result<()> {
         // All films, and the cores of other boards, are those of `cargo xtask faces rust`.
         embedded::run(&toolchain, Films::Few)
     };
+    let mut programs = None;
     stages.run_beside(("tools, images, and steps on chips", images), |stages| {
         stages.run("format", || run_command(cargo("fmt --all --check")))?;
         stages.run("lint", lint)?;
         stages.run("features", features)?;
         stages.run("documentation", documentation)?;
         stages.run("packages", packages::run)?;
-        stages.run("test builds", || {
-            run_command(tests(&format!("{QEMU} --no-run")))?;
-            run_command(tests(&format!("{LINK} --no-run")))?;
-            micromath("--no-run")
-        })
+        let built = stages.run("test builds", || Ok([Programs::built(QEMU)?, Programs::built(MICROMATH)?]))?;
+        programs = Some(built);
+        Ok(())
     })?;
-    stages.run_beside(("tests over the link", || run_command(tests(LINK))), |stages| {
-        stages.run("tests, firmware in QEMU included", || run_command(tests(QEMU)))
-    })?;
-    stages.run("tests with micromath", || micromath(""))?;
+    let [programs, micromath] = programs.ok_or("no test was built")?;
+    stages.run("tests, firmware in QEMU included", || programs.run(Cases::Sample))?;
+    stages.run("tests in documentation", || run_command(cargo(&format!("test --quiet --workspace --doc {QEMU}"))))?;
+    stages.run("tests with micromath", || micromath.run(Cases::Sample))?;
     if !cfg!(all(target_arch = "x86_64", target_os = "linux")) {
         println!("\nnot run here: board-on-host, whose models of registers need Linux on x86-64");
     }
@@ -113,13 +105,8 @@ pub fn sweep() -> Result<()> {
     let mut stages = Stages::begin();
     let toolchain = stages.run("tools", setup::run)?;
     stages.run("firmware images", || firmware::images(&toolchain))?;
-    stages.run("tests, all cases", || {
-        [LINK, QEMU].into_iter().try_for_each(|options| {
-            let mut tests = tests(options);
-            tests.env(SWEEP, "full");
-            run_command(tests)
-        })
-    })?;
+    let programs = stages.run("test builds", || Programs::built(QEMU))?;
+    stages.run("tests, all cases", || programs.run(Cases::All))?;
     stages.print();
     Ok(())
 }
@@ -127,23 +114,13 @@ pub fn sweep() -> Result<()> {
 /// The tests that run the firmware's images.
 pub const QEMU: &str = "--features tests/qemu";
 
-/// Those of boards that tick in real time, which mostly wait.
-const LINK: &str = "--features tests/qemu --test link_commands";
+/// The electrostatics on springpot's fast square root. The other packages keep the features with which they are built already.
+const MICROMATH: &str = "--features tests/qemu,springpot/micromath --test electrostatics";
 
 /// The tool and the virtual board as the tests have them, with the numbers of a release.
 pub fn programs() -> Result<[PathBuf; 2]> {
     run_command(cargo(&format!("test --quiet --workspace {QEMU} --test command_line --no-run")))?;
     Ok(["host-sim-under-test", "virtual-board-on-host"].map(|name| root().join("target").join("debug").join(name)))
-}
-
-/// The tests of the workspace, more at a time than two cores can run: those of boards and emulators mostly wait.
-fn tests(options: &str) -> Command {
-    let mut tests = cargo(&format!("test --quiet --workspace --no-fail-fast {options}"));
-    if env::var_os(THREADS).is_none() {
-        let cores = thread::available_parallelism().map_or(2, NonZero::get);
-        tests.env(THREADS, (2 * cores).to_string());
-    }
-    tests
 }
 
 /// Sources of libraries whose manifest says `test = false`: a test in them would never run.
@@ -162,12 +139,14 @@ const WITHOUT_TESTS: [&str; 12] = [
     "tests/fuzz/targets/src",
 ];
 
-/// All targets, the tests in QEMU included.
+/// All targets, the tests in QEMU included; `--all-targets` checks each library a second time, as a benchmark.
 fn lint() -> Result<()> {
     for folder in WITHOUT_TESTS {
         no_tests_in(&root().join(folder))?;
     }
-    run_command(cargo(&format!("clippy --quiet --workspace --all-targets {LINK} -- -D warnings")))
+    run_command(cargo(&format!(
+        "clippy --quiet --workspace --lib --bins --examples --tests --bench * {QEMU} -- -D warnings"
+    )))
 }
 
 fn no_tests_in(folder: &Path) -> Result<()> {
@@ -219,9 +198,4 @@ fn documentation() -> Result<()> {
     let mut doc = cargo(&format!("doc --quiet --workspace --no-deps --document-private-items {left_out}"));
     doc.env("RUSTDOCFLAGS", "-D warnings");
     run_command(doc)
-}
-
-/// The electrostatics on springpot's fast square root. The other packages keep the features with which they are built already.
-fn micromath(options: &str) -> Result<()> {
-    run_command(cargo(&format!("test --quiet --workspace {QEMU},springpot/micromath --test electrostatics {options}")))
 }
