@@ -36,7 +36,7 @@ fn a_temperature_is_ordered_and_shown() {
     let film =
         format!("{plain}[temperature]\nreference_c = 20.0\nstiffness_per_k = -0.01\nactivation_kj_per_mol = 50.0\n");
     board.bench.write("warm.toml", &film);
-    board.bench.write("other.toml", &film.replace("-0.01", "-0.02").replace("62740", "62741"));
+    board.bench.write("other.toml", film.replace("-0.01", "-0.02").replace("62740", "62741"));
     let order = |at: &str, params: &str| format!("adaptation temperature {at} --params {params} --bench");
     board.json("upload --params warm.toml --bench");
     names(&board.fails(&order("--at 30", "other.toml")), &["checksum", "upload"]);
@@ -85,11 +85,11 @@ fn a_film_that_has_changed_is_reported() {
         None => line.to_owned(),
     };
     let film: Vec<String> = film.lines().map(stiffer).collect();
-    board.bench.write("stiffer.toml", &film.join("\n"));
+    board.bench.write("stiffer.toml", film.join("\n"));
     board.json("upload --params stiffer.toml --bench");
     let reference: String =
         (0..150).map(|k| format!("{},{}\n", 0.1 * f64::from(k), 2e-4 * (1.0 - (f64::from(k) * 0.1).cos()))).collect();
-    board.bench.write("sine.csv", &format!("time_s,displacement_m\n{reference}"));
+    board.bench.write("sine.csv", format!("time_s,displacement_m\n{reference}"));
     let play = "play sine.csv --mode tracking --out out.csv";
     assert_eq!(board.json(&format!("{play} --duration 1"))["adaptation"], Value::Null);
     board.json("adaptation learn");
