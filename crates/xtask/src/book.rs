@@ -1,14 +1,15 @@
-//! The book of docs/: built with mdBook, and every link in its pages leads to a page and a heading of it.
+//! The book of docs/: built with mdBook, and every link in its pages leads to a page and a heading of it; and the documentation in sources.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::process::{Result, at, command, make, read, root, run as run_command, write};
+use crate::process::{Result, at, cargo, command, make, read, root, run as run_command, write};
 use crate::setup;
 
-/// Builds the book into target/book and follows its links.
+/// Builds the documentation in sources, and the book into target/book, and follows its links.
 pub fn run() -> Result<()> {
+    documentation()?;
     // Without its server and its search, which a book that opens from the disk does not have.
     let mdbook = setup::tool("mdbook", "0.4.52", "--no-default-features")?;
     let source = root().join("target").join("book-source");
@@ -21,6 +22,17 @@ pub fn run() -> Result<()> {
     let (pages, links) = follow(&built)?;
     println!("{}: {pages} pages, {links} links", built.join("start.html").display());
     Ok(())
+}
+
+/// Packages whose documentation is read in their sources, if at all.
+const WITHOUT_PAGES: [&str; 7] =
+    ["board-on-host", "chip-program", "converter-chips", "documents", "fuzz-targets", "tests", "xtask"];
+
+fn documentation() -> Result<()> {
+    let left_out = WITHOUT_PAGES.map(|package| format!("--exclude {package}")).join(" ");
+    let mut doc = cargo(&format!("doc --quiet --workspace --no-deps --document-private-items {left_out}"));
+    doc.env("RUSTDOCFLAGS", "-D warnings");
+    run_command(doc)
 }
 
 /// A page of another folder, under the name that it has in the book: `../firmware/README.md` is `firmware-README.md`.

@@ -12,14 +12,14 @@ use clap::ValueEnum;
 use crate::process::{Result, cargo, command, format, make, output, read, root, run as run_command};
 use crate::python::{environment, interpreter, pip};
 use crate::test::QEMU;
-use crate::{benchmark, embedded, other_board, setup, test, windows};
+use crate::{benchmark, embedded, other_board, packages, setup, test, windows};
 
 /// A language, or the crates on other boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Face {
     /// The emitted C: gcc and clang, sanitizers, Cortex-M0, M4F, M33 and RISC-V in QEMU.
     C,
-    /// The Rust crates on other boards: Cortex-M33 and RISC-V in QEMU, with the example firmware.
+    /// The Rust crates: their features and packages; on other boards, Cortex-M0, M33 and RISC-V in QEMU, with the example firmware.
     Rust,
     /// The Python package: a wheel, installed where there is no Rust, against the command line, its types and its notebook.
     Python,
@@ -54,6 +54,7 @@ pub fn run(only: Option<Face>) -> Result<()> {
                 setup::qemu_for_both()?;
                 embedded::all_cores(&toolchain)?;
                 other_board::everywhere(&toolchain)?;
+                packages::run()?;
             }
             Face::Windows => windows::run()?,
             Face::Browser => browser(only.is_some())?,

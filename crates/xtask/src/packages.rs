@@ -1,9 +1,9 @@
-//! The libraries as packages: what a registry would get, and what their tests build.
+//! The libraries as packages: their features, what a registry would get, and what their tests build.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};
 
-use crate::process::{Result, cargo, output, root, run as run_command};
+use crate::process::{Result, cargo, output, read, root, run as run_command};
 
 /// The libraries: they are checked with every feature, and packaged.
 pub const LIBRARIES: [&str; 2] = ["springpot", "dea-driver"];
@@ -23,9 +23,10 @@ const FILES: [&str; 7] = [
 const FOLDERS: [(&str, &[&str]); 4] =
     [("src/", &[".rs"]), ("doc/", &[".md"]), ("examples/", &[".rs"]), ("tests/", &[".rs", ".csv", ".bin"])];
 
-/// Each package holds the library's own files, nothing else, and is complete. Neither the library nor its tests need the host
+/// Each library passes its lints with each of its features. Its package holds the library's own files, nothing else, and is complete. Neither the library nor its tests need the host
 /// tool.
 pub fn run() -> Result<()> {
+    features()?;
     for library in LIBRARIES {
         let list = output(cargo(&format!("package --quiet --list --allow-dirty --package {library}")))?;
         let stray: Vec<&str> = list.lines().filter(|file| !belongs(file)).collect();
@@ -48,6 +49,34 @@ pub fn run() -> Result<()> {
     // That they compile is all that is asked.
     package.env("CARGO_PROFILE_DEV_DEBUG", "false");
     run_command(package)
+}
+
+/// Each library without features, with each alone, and with all.
+fn features() -> Result<()> {
+    for library in LIBRARIES {
+        let clippy = |features: &str| {
+            run_command(cargo(&format!("clippy --quiet --package {library} {features} -- -D warnings")))
+        };
+        clippy("--no-default-features")?;
+        for feature in features_of(library)? {
+            clippy(&format!("--no-default-features --features {feature}"))?;
+        }
+        clippy("--all-features")?;
+    }
+    Ok(())
+}
+
+/// Names in the table of features in a library's manifest.
+fn features_of(library: &str) -> Result<Vec<String>> {
+    let path = root().join("crates").join(library).join("Cargo.toml");
+    let manifest = read(&path)?;
+    let table = manifest.lines().skip_while(|line| line.trim() != "[features]").skip(1);
+    let names = table
+        .take_while(|line| !line.starts_with('['))
+        .filter(|line| !line.starts_with([' ', '#', ']']))
+        .filter_map(|line| Some(line.split_once('=')?.0.trim().trim_matches('"').to_owned()))
+        .filter(|name| name != "default");
+    Ok(names.collect())
 }
 
 /// Where the packages are built, apart from everything else.

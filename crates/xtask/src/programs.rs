@@ -74,6 +74,10 @@ impl Program {
     fn of_message(message: &str) -> Option<Self> {
         let message: Value = serde_json::from_str(message).ok()?;
         let executable = message["executable"].as_str().filter(|_| message["profile"]["test"] == true)?;
+        // Examples are built as tests are, and have none.
+        if message["target"]["kind"][0] == "example" {
+            return None;
+        }
         let folder = Path::new(message["manifest_path"].as_str()?).parent()?.to_owned();
         let within = folder.strip_prefix(root()).ok()?.display().to_string();
         let name = format!("{within} {}", message["target"]["name"].as_str()?);

@@ -5,10 +5,9 @@ use std::time::Instant;
 use std::{fs, thread};
 
 use crate::embedded::Films;
-use crate::packages::LIBRARIES;
 use crate::process::{Result, at, cargo, read, root, run as run_command};
 use crate::programs::{Cases, Programs};
-use crate::{embedded, firmware, packages, setup};
+use crate::{embedded, firmware, setup};
 
 /// Stages of a run that have passed.
 struct Stages {
@@ -75,23 +74,22 @@ pub fn run() -> Result<()> {
         let toolchain = setup::run()?;
         firmware::images(&toolchain)?;
         embedded::libraries(&toolchain)?;
-        // All films, and the cores of other boards, are those of `cargo xtask faces rust`.
+        // All films, the cores of other boards, and the libraries as packages are those of `cargo xtask faces rust`.
         embedded::run(&toolchain, Films::Few)
     };
     let mut programs = None;
     stages.run_beside(("tools, images, and steps on chips", images), |stages| {
         stages.run("format", || run_command(cargo("fmt --all --check")))?;
         stages.run("lint", lint)?;
-        stages.run("features", features)?;
-        stages.run("documentation", documentation)?;
-        stages.run("packages", packages::run)?;
         let built = stages.run("test builds", || Ok([Programs::built(QEMU)?, Programs::built(MICROMATH)?]))?;
         programs = Some(built);
         Ok(())
     })?;
     let [programs, micromath] = programs.ok_or("no test was built")?;
-    stages.run("tests, firmware in QEMU included", || programs.run(Cases::Sample))?;
-    stages.run("tests in documentation", || run_command(cargo(&format!("test --quiet --workspace --doc {QEMU}"))))?;
+    let documentation = || run_command(cargo(&format!("test --quiet --workspace --doc {QEMU}")));
+    stages.run_beside(("tests in documentation", documentation), |stages| {
+        stages.run("tests, firmware in QEMU included", || programs.run(Cases::Sample))
+    })?;
     stages.run("tests with micromath", || micromath.run(Cases::Sample))?;
     if !cfg!(all(target_arch = "x86_64", target_os = "linux")) {
         println!("\nnot run here: board-on-host, whose models of registers need Linux on x86-64");
@@ -159,43 +157,4 @@ fn no_tests_in(folder: &Path) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Each library without features, with each alone, and with all.
-fn features() -> Result<()> {
-    for library in LIBRARIES {
-        let clippy = |features: &str| {
-            run_command(cargo(&format!("clippy --quiet --package {library} {features} -- -D warnings")))
-        };
-        clippy("--no-default-features")?;
-        for feature in features_of(library)? {
-            clippy(&format!("--no-default-features --features {feature}"))?;
-        }
-        clippy("--all-features")?;
-    }
-    Ok(())
-}
-
-/// Names in the table of features in a library's manifest.
-fn features_of(library: &str) -> Result<Vec<String>> {
-    let path = root().join("crates").join(library).join("Cargo.toml");
-    let manifest = read(&path)?;
-    let table = manifest.lines().skip_while(|line| line.trim() != "[features]").skip(1);
-    let names = table
-        .take_while(|line| !line.starts_with('['))
-        .filter(|line| !line.starts_with([' ', '#', ']']))
-        .filter_map(|line| Some(line.split_once('=')?.0.trim().trim_matches('"').to_owned()))
-        .filter(|name| name != "default");
-    Ok(names.collect())
-}
-
-/// Packages whose documentation is read in their sources, if at all.
-const WITHOUT_PAGES: [&str; 7] =
-    ["board-on-host", "chip-program", "converter-chips", "documents", "fuzz-targets", "tests", "xtask"];
-
-fn documentation() -> Result<()> {
-    let left_out = WITHOUT_PAGES.map(|package| format!("--exclude {package}")).join(" ");
-    let mut doc = cargo(&format!("doc --quiet --workspace --no-deps --document-private-items {left_out}"));
-    doc.env("RUSTDOCFLAGS", "-D warnings");
-    run_command(doc)
 }
