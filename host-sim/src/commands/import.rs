@@ -84,7 +84,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     for (path, out) in arguments.files.iter().zip(&outputs) {
         let series = Recording::read_with(path, &hints)?.into_series();
         let starts_at_rest = edits.from_s == 0.0 || at_rest(&series, edits.from_s);
-        let (series, blanked) = series.edited(&edits).map_err(|cause| Error::file(path, cause))?;
+        let (series, blanked) = series.edited(&edits, hints.fill).map_err(|cause| Error::file(path, cause))?;
         let understood = series.understood.clone();
         let recording = Recording::from_series(path, series);
         // A drive with gaps is an error now, not only when it is fitted.

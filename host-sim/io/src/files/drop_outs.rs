@@ -1,7 +1,7 @@
-//! Drop-outs of a sensor that a file has as a number: 0, or a code such as -999.
+//! Drop-outs that a file has as a number: 0, or a code such as -999.
 
 use super::import::Quantity;
-use super::recording::Recording;
+use super::recording::{Input, Recording};
 use crate::terminal::rounded;
 
 /// Distance of a drop-out from the readings before and after it, as a share of the stroke; further by this many steps of the drive, of which
@@ -14,6 +14,11 @@ const OF_FINEST: f64 = 3.0;
 /// Largest step of the load, as a share of the largest, that no film jumps for, within this time before the reading jumps, s.
 const STEP: f64 = 0.1;
 const BEFORE_S: f64 = 0.5;
+/// Largest share of rows that are a code of the drive, what its size is over all others where it is fewer, and the answer of a film, as a share of the
+/// stroke, that shows a voltage.
+const RARE: f64 = 0.05;
+const BEYOND: f64 = 1.5;
+const ANSWER: f64 = 0.1;
 /// Fewest drop-outs that are a code, and fewest rows of a recording that is judged.
 const CODES: usize = 3;
 const ROWS: usize = 20;
@@ -92,6 +97,61 @@ impl Recording {
     }
 }
 
+impl Recording {
+    /// Voltages in single rows that are one number far from those beside them, which the film does not answer: codes of values that are missing.
+    pub(super) fn coded_drive(&self) -> Option<String> {
+        let Input::Voltage(voltage) = self.drive().ok()? else { return None };
+        let volts = &voltage.value;
+        if volts.len() < ROWS {
+            return None;
+        }
+        let changes = volts.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        let [usual] = quantiles(changes.collect(), [0.5])?;
+        let [low, high] = quantiles(volts.clone(), [0.05, 0.95])?;
+        let far = (FAR_CODE * (high - low).max(low.abs()).max(high.abs())).max(OF_CHANGES * usual);
+        let is_apart = |&row: &usize| {
+            let [before, after] = [row - 1, row + 1].map(|beside| volts[row] - volts[beside]);
+            before * after > 0.0 && before.abs().min(after.abs()) > far
+        };
+        let mut apart: Vec<usize> = (1..volts.len() - 1).filter(is_apart).collect();
+        if apart.len() as f64 > RARE * volts.len() as f64 {
+            return None;
+        }
+        if let Some((_, reading)) = self.columns().into_iter().find(|(name, _)| *name == "displacement_m") {
+            let present = reading.iter().copied().filter(|value| !value.is_nan()).collect();
+            let [low, high] = quantiles(present, [0.05, 0.95])?;
+            // At that row or at the next, off the line from the one before to the one after these.
+            let answers = |&row: &usize| {
+                let before = reading[row - 1];
+                let step = (reading.get(row + 2).unwrap_or(&reading[row + 1]) - before) / 3.0;
+                let off = [before + step - reading[row], before + 2.0 * step - reading[row + 1]];
+                off.iter().any(|off| off.abs() > ANSWER * (high - low))
+            };
+            apart.retain(|row| !answers(row));
+        }
+        let others = (0..volts.len()).filter(|row| apart.binary_search(row).is_err());
+        let largest = others.fold(0.0_f64, |largest, row| largest.max(volts[row].abs()));
+        apart.sort_by(|&a, &b| volts[a].total_cmp(&volts[b]));
+        let same = apart.chunk_by(|&a, &b| volts[a] == volts[b]);
+        let is_code = |rows: &&[usize]| rows.len() >= CODES || volts[rows[0]].abs() > BEYOND * largest;
+        let rows = same.filter(is_code).max_by_key(|rows| rows.len())?;
+        let number = rounded(volts[rows[0]] / self.origin(Quantity::Voltage).map_or(1.0, |column| column.factor));
+        let are = if rows.len() == 1 { "voltage is" } else { "voltages are" };
+        Some(format!(
+            "{} {are} exactly {number} and far from those around, and the film does not answer: codes of missing values, or arcs? Empty them with import \
+             `blank` voltage={number} `fill` linear",
+            rows.len()
+        ))
+    }
+}
+
+/// Values below which such shares of `values` are; none without values.
+fn quantiles<const N: usize>(mut values: Vec<f64>, shares: [f64; N]) -> Option<[f64; N]> {
+    values.sort_by(f64::total_cmp);
+    let last = values.len().checked_sub(1)?;
+    Some(shares.map(|share| values[(last as f64 * share) as usize]))
+}
+
 /// The load of a drive as a share of the largest.
 fn load(drive: &[f64]) -> Vec<f64> {
     let largest = drive.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
@@ -133,14 +193,10 @@ impl Runs {
 
     /// The stroke, the usual change from row to row, and the finest one; none where nothing moves.
     fn sizes(&self) -> Option<(f64, f64, f64)> {
-        let mut values: Vec<f64> = self.values.iter().copied().filter(|value| *value != 0.0).collect();
-        values.sort_by(f64::total_cmp);
-        let at = |share: f64| values.get((values.len().saturating_sub(1) as f64 * share) as usize);
-        let stroke = at(0.95)? - at(0.05)?;
-        let mut changes: Vec<f64> = self.values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
-        changes.sort_by(f64::total_cmp);
-        let usual = *changes.get(changes.len() / 2)?;
-        let finest = changes.into_iter().find(|change| *change > 0.0)?;
-        (stroke > 0.0).then_some((stroke, usual, finest))
+        let [low, high] = quantiles(self.values.iter().copied().filter(|value| *value != 0.0).collect(), [0.05, 0.95])?;
+        let changes = || self.values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        let [usual] = quantiles(changes().collect(), [0.5])?;
+        let finest = changes().filter(|change| *change > 0.0).min_by(f64::total_cmp)?;
+        (high > low).then_some((high - low, usual, finest))
     }
 }

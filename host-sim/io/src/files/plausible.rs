@@ -55,6 +55,7 @@ impl Recording {
                 rounded(mains_v)
             ));
         }
+        found.extend(self.coded_drive());
         let displacement = values("displacement_m");
         // Without the outermost hundredths, which drop-outs may be.
         let at = |share: f64| displacement.get(((displacement.len().max(1) - 1) as f64 * share).round() as usize);

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use host_io::files::import::Quantity;
+use host_io::files::import::{Blank, Edits, Fill, Quantity};
 use host_io::files::recording::Recording;
 
 use super::cut_files::Noise;
@@ -104,6 +104,38 @@ fn drop_outs_that_are_numbers_are_found() {
     }
     assert!(count > 200, "{count}");
     assert!(missed.is_empty(), "{} of {count}: {}", missed.len(), missed[..missed.len().min(10)].join("\n"));
+}
+
+/// Codes among the voltages are found, whatever the drive, and are filled; sound drives have none, nor have pulses that the film answers.
+#[test]
+fn codes_among_voltages_are_found() {
+    let mut random = Noise(7);
+    for (name, rate_hz, drive) in DRIVES {
+        let (time_s, volts, reading) = recorded((rate_hz, drive), 0, (0.0, 1e-5, 0.0), &mut random);
+        let found = recording(&time_s, &volts, &reading).implausible();
+        assert!(found.is_empty(), "{name}: {found:?}");
+        // Not while the drive steps, which the film answers.
+        for (code, times) in [(9999.0, 4), (-9999.0, 3), (32_767.0, 1), (65_535.0, 9)] {
+            let mut coded = volts.clone();
+            let step = volts.len() as f64 / times as f64;
+            (0..times).for_each(|place| coded[(step * (place as f64 + 0.53)) as usize] = code);
+            let found = recording(&time_s, &coded, &reading).implausible().join("\n");
+            has(&found, &["exactly", &code.to_string(), "`fill` linear"]);
+            let edits = Edits { blanks: vec![Blank::Equal(Quantity::Voltage, code)], ..Edits::NONE };
+            let series = recording(&time_s, &coded, &reading).into_series();
+            let (series, blanked) = series.edited(&edits, Some(Fill::Linear)).expect("rows are left");
+            assert_eq!(blanked, times);
+            let filled =
+                Recording::from_series("film.csv".as_ref(), series).drive().expect("complete").samples().value.clone();
+            // Between its neighbours.
+            let off = filled.iter().zip(&volts).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(off < 0.1 * 3e3, "{name}: {off} V");
+        }
+    }
+    let pulses = |t: f64| if (t + 0.01).fract() < 0.05 && t > 1.0 { 1.0 } else { 0.1 };
+    let (time_s, volts, reading) = recorded((20.0, pulses), 0, (0.0, 1e-5, 0.0), &mut random);
+    let found = recording(&time_s, &volts, &reading).implausible();
+    assert!(found.is_empty() && volts.iter().filter(|v| **v > 1e3).count() > 30, "{found:?}");
 }
 
 /// Columns of voltages that are not on the film: by their names a question, by their numbers a warning.

@@ -1,6 +1,6 @@
 //! Selection of the rows of a file: a part of the time, without drop-outs, fewer rows.
 
-use super::{Quantity, Series};
+use super::{Fill, Quantity, Series};
 use crate::error::{Error, Result};
 use crate::quantity::positive;
 
@@ -100,15 +100,18 @@ impl std::str::FromStr for Blank {
 }
 
 impl Series {
-    /// The same, edited; and how many readings were blanked.
+    /// The same, edited, where what drives the film was blanked with its cells filled; and how many readings were blanked.
     ///
     /// # Errors
     ///
     /// What leaves too few rows.
-    pub fn edited(mut self, edits: &Edits) -> std::result::Result<(Self, usize), String> {
+    pub fn edited(mut self, edits: &Edits, fill: Option<Fill>) -> std::result::Result<(Self, usize), String> {
         let mut blanked = 0;
         for blank in &edits.blanks {
             blanked += self.blank(blank)?;
+        }
+        if let Some(fill) = fill.filter(|_| blanked > 0) {
+            self.fill(fill);
         }
         let start = self.clock_s[0];
         let inside = |t: f64| (edits.from_s..=edits.to_s).contains(&(t - start));

@@ -60,7 +60,7 @@ pub(super) const DERIVED: &str = "rms eff effekti efficac eficaz filter filtr sm
     estimat geschätzt expected calc comput berechnet fit fitted detrend normaliz normalis normier interpol \
     corrected offset zero tare ripple noise ac range scale gain amplitude envelope delta drift cumul squared \
     resolution auflösung uncertain unsicher initial inverted negated fft log log10 sqrt velocity \
-    travelled traveled increments dvoltage hex geschwindigkeit 速度 误差 誤差 平均 最大 最小 有效 実効 峰值";
+    travelled traveled accumul path zurückgelegt increments dvoltage hex geschwindigkeit 速度 误差 誤差 平均 最大 最小 有效 実効 峰值";
 /// Words for the time from one row to the next.
 pub(super) const STEPS: &str = "interval intervall dt";
 /// Further words for times that are not those of the rows.
