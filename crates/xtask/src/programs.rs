@@ -65,7 +65,11 @@ impl Programs {
             let beside = [(); BESIDE].map(|()| scope.spawn(failed_of_some));
             beside.map(|thread| thread.join().unwrap_or_else(|_| vec!["a thread of this chore"])).concat()
         });
-        if failed.is_empty() { Ok(()) } else { Err(format!("tests failed in {}", failed.join(", "))) }
+        if failed.is_empty() {
+            Ok(())
+        } else {
+            Err(format!("tests failed in {}: what they printed is above", failed.join(", ")))
+        }
     }
 }
 
@@ -102,5 +106,40 @@ impl Program {
         let summary = printed.lines().find(|line| line.starts_with("test result")).unwrap_or("no test result");
         println!("{seconds:6.0} s  {}: {summary}", self.name);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Cases, Program, Programs};
+    use crate::process::root;
+
+    fn message(kind: &str, is_test: bool, executable: &str) -> String {
+        let manifest = root().join("host-sim/io/Cargo.toml");
+        format!(
+            r#"{{"reason":"compiler-artifact","manifest_path":{manifest:?},"target":{{"kind":["{kind}"],"name":"it"}},
+            "profile":{{"test":{is_test}}},"executable":{executable}}}"#
+        )
+        .replace('\n', " ")
+    }
+
+    #[test]
+    fn test_programs_alone_are_run() {
+        let program = |kind, is_test, executable| Program::of_message(&message(kind, is_test, executable));
+        assert_eq!(program("test", true, "\"/built/it\"").expect("a test program").name, "host-sim/io it");
+        assert!(program("example", true, "\"/built/it\"").is_none());
+        assert!(program("bin", false, "\"/built/it\"").is_none());
+        assert!(program("lib", true, "null").is_none());
+        assert!(Program::of_message(r#"{"reason":"build-finished","success":true}"#).is_none());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn programs_that_fail_are_named() {
+        let programs = ["\"true\"", "\"false\"", "\"/nowhere\""].map(|executable| message("test", true, executable));
+        let mut programs: Vec<Program> = programs.iter().filter_map(|message| Program::of_message(message)).collect();
+        programs.iter_mut().zip(["sound", "false", "missing"]).for_each(|(program, name)| program.name = name.into());
+        let failed = Programs(programs).run(Cases::Sample).expect_err("two fail");
+        assert!(failed.contains("false") && failed.contains("missing") && !failed.contains("sound"), "{failed}");
     }
 }
