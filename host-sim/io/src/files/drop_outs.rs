@@ -17,7 +17,7 @@ const BEFORE_S: f64 = 0.5;
 /// Largest share of rows that are a code of the drive, what its size is over all others where it is fewer, and the answer of a film, as a share of the
 /// stroke, that shows a voltage.
 const RARE: f64 = 0.05;
-const BEYOND: f64 = 1.5;
+const BEYOND: f64 = 2.0;
 const ANSWER: f64 = 0.1;
 /// Fewest drop-outs that are a code, and fewest rows of a recording that is judged.
 const CODES: usize = 3;
