@@ -252,7 +252,8 @@ pub(crate) fn read_recording(
         if edits == Edits::NONE {
             return Ok(recording);
         }
-        let (series, _) = recording.into_series().edited(&edits, asked.fill).map_err(|cause| Error::file(&path, cause))?;
+        let (series, _) =
+            recording.into_series().edited(&edits, asked.fill).map_err(|cause| Error::file(&path, cause))?;
         Ok(Recording::from_series(&path, series))
     };
     Ok(py.detach(read).raise()?.into())

@@ -14,9 +14,9 @@ const OF_FINEST: f64 = 3.0;
 /// Largest step of the load, as a share of the largest, that no film jumps for, within this time before the reading jumps, s.
 const STEP: f64 = 0.1;
 const BEFORE_S: f64 = 0.5;
-/// Largest share of rows that are a code of the drive, what its size is over all others where it is fewer, and the answer of a film, as a share of the
-/// stroke, that shows a voltage.
-const RARE: f64 = 0.05;
+/// Largest share of rows that are codes of the drive, what the size of a code is over all others where there are few, and the answer of a film that shows
+/// a voltage, as a share of the stroke; beyond all others it is the stroke.
+const RARE: f64 = 0.1;
 const BEYOND: f64 = 2.0;
 const ANSWER: f64 = 0.1;
 /// Fewest drop-outs that are a code, and fewest rows of a recording that is judged.
@@ -98,51 +98,66 @@ impl Recording {
 }
 
 impl Recording {
-    /// Voltages in single rows that are one number far from those beside them, which the film does not answer: codes of values that are missing.
+    /// Voltages, or forces that drive the film, that are one number far from those around, which the film does not answer: codes of missing values.
     pub(super) fn coded_drive(&self) -> Option<String> {
-        let Input::Voltage(voltage) = self.drive().ok()? else { return None };
-        let volts = &voltage.value;
-        if volts.len() < ROWS {
-            return None;
-        }
-        let changes = volts.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-        let [usual] = quantiles(changes.collect(), [0.5])?;
-        let [low, high] = quantiles(volts.clone(), [0.05, 0.95])?;
-        let far = (FAR_CODE * (high - low).max(low.abs()).max(high.abs())).max(OF_CHANGES * usual);
-        let is_apart = |&row: &usize| {
-            let [before, after] = [row - 1, row + 1].map(|beside| volts[row] - volts[beside]);
-            before * after > 0.0 && before.abs().min(after.abs()) > far
+        let (drive, quantity) = match self.drive().ok()? {
+            Input::Voltage(drive) => (drive, Quantity::Voltage),
+            Input::Force(drive) => (drive, Quantity::Force),
+            Input::Displacement(_) => return None,
         };
-        let mut apart: Vec<usize> = (1..volts.len() - 1).filter(is_apart).collect();
-        if apart.len() as f64 > RARE * volts.len() as f64 {
+        let rows = drive.value.len();
+        if rows < ROWS {
             return None;
         }
-        if let Some((_, reading)) = self.columns().into_iter().find(|(name, _)| *name == "displacement_m") {
-            let present = reading.iter().copied().filter(|value| !value.is_nan()).collect();
-            let [low, high] = quantiles(present, [0.05, 0.95])?;
-            // At that row or at the next, off the line from the one before to the one after these.
-            let answers = |&row: &usize| {
-                let before = reading[row - 1];
-                let step = (reading.get(row + 2).unwrap_or(&reading[row + 1]) - before) / 3.0;
-                let off = [before + step - reading[row], before + 2.0 * step - reading[row + 1]];
-                off.iter().any(|off| off.abs() > ANSWER * (high - low))
-            };
-            apart.retain(|row| !answers(row));
+        let changes = drive.value.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        let [usual] = quantiles(changes.collect(), [0.5])?;
+        let [low, high] = quantiles(drive.value.clone(), [0.05, 0.95])?;
+        let far = (FAR_CODE * (high - low).max(low.abs()).max(high.abs())).max(OF_CHANGES * usual);
+        let runs = Runs::new(drive.value.clone());
+        let value = |run: &(usize, usize)| runs.values[run.0];
+        // For longer than a film takes to answer, it may be a voltage.
+        let is_apart = |run: &&(usize, usize)| {
+            let beside = [run.0.checked_sub(1), Some(run.1).filter(|row| *row < rows)];
+            let [Some(before), Some(after)] = beside else { return false };
+            let [a, b] = [before, after].map(|row| value(run) - runs.values[row]);
+            a * b > 0.0 && a.abs().min(b.abs()) > far && drive.time_s[after] - drive.time_s[before] <= BEFORE_S
+        };
+        let apart: Vec<(usize, usize)> = runs.ends.iter().filter(is_apart).copied().collect();
+        let count = |runs: &[(usize, usize)]| runs.iter().map(|(from, to)| to - from).sum::<usize>();
+        if count(&apart) as f64 > RARE * rows as f64 {
+            return None;
         }
-        let others = (0..volts.len()).filter(|row| apart.binary_search(row).is_err());
-        let largest = others.fold(0.0_f64, |largest, row| largest.max(volts[row].abs()));
-        apart.sort_by(|&a, &b| volts[a].total_cmp(&volts[b]));
-        let same = apart.chunk_by(|&a, &b| volts[a] == volts[b]);
-        let is_code = |rows: &&[usize]| rows.len() >= CODES || volts[rows[0]].abs() > BEYOND * largest;
-        let rows = same.filter(is_code).max_by_key(|rows| rows.len())?;
-        let number = rounded(volts[rows[0]] / self.origin(Quantity::Voltage).map_or(1.0, |column| column.factor));
-        let are = if rows.len() == 1 { "voltage is" } else { "voltages are" };
+        let largest = runs.ends.iter().filter(|run| !is_apart(run)).map(|run| value(run).abs()).fold(0.0, f64::max);
+        let columns = self.columns();
+        let reading = columns.iter().find(|(name, _)| *name == "displacement_m").map(|(_, reading)| reading)?;
+        let [low, high] = quantiles(reading.iter().copied().filter(|value| !value.is_nan()).collect(), [0.05, 0.95])?;
+        let is_code = |same: &&[(usize, usize)]| {
+            let is_beyond = value(&same[0]).abs() > BEYOND * largest;
+            let far = if is_beyond { high - low } else { ANSWER * (high - low) };
+            let unanswered = same.iter().filter(|run| !answers(reading, **run, far)).count();
+            unanswered >= CODES || is_beyond && unanswered == same.len()
+        };
+        let same = apart.chunk_by(|a, b| value(a) == value(b)).filter(is_code).max_by_key(|same| same.len())?;
+        let number = rounded(value(&same[0]) / self.origin(quantity).map_or(1.0, |column| column.factor));
+        let (name, count) = (quantity.name(), count(same));
+        let are = if count == 1 { "value of the drive is" } else { "values of the drive are" };
         Some(format!(
-            "{} {are} exactly {number} and far from those around, and the film does not answer: codes of missing values, or arcs? Empty them with import \
-             `blank` voltage={number} `fill` linear",
-            rows.len()
+            "{count} {are} exactly {number}, far from those around, and the film does not answer: codes of missing values, or arcs? Empty them with \
+             import `blank` {name}={number} `fill` linear"
         ))
     }
+}
+
+/// Whether a reading goes `far` from its line over the rows of a run, or from its way before it; also where that cannot be seen.
+fn answers(reading: &[f64], (from, to): (usize, usize), far: f64) -> bool {
+    let (end, rows) = ((to + 1).min(reading.len() - 1), to + 1 - from);
+    let before = reading[from - 1];
+    let off_line = |row: usize| {
+        before + (reading[end] - before) * (row + 1 - from) as f64 / (end + 1 - from) as f64 - reading[row]
+    };
+    let Some(earlier) = (from - 1).checked_sub(rows) else { return true };
+    let off_way = reading[to] - 2.0 * before + reading[earlier];
+    off_way.abs() > far || (from..end).any(|row| off_line(row).abs() > far)
 }
 
 /// Values below which such shares of `values` are; none without values.
