@@ -115,12 +115,13 @@ impl Recording {
         let far = (FAR_CODE * (high - low).max(low.abs()).max(high.abs())).max(OF_CHANGES * usual);
         let runs = Runs::new(drive.value.clone());
         let value = |run: &(usize, usize)| runs.values[run.0];
-        // For longer than a film takes to answer, it may be a voltage.
+        // In several rows, for longer than a film takes to answer, it may be a voltage.
         let is_apart = |run: &&(usize, usize)| {
             let beside = [run.0.checked_sub(1), Some(run.1).filter(|row| *row < rows)];
             let [Some(before), Some(after)] = beside else { return false };
             let [a, b] = [before, after].map(|row| value(run) - runs.values[row]);
-            a * b > 0.0 && a.abs().min(b.abs()) > far && drive.time_s[after] - drive.time_s[before] <= BEFORE_S
+            let is_short = after - before == 2 || drive.time_s[after] - drive.time_s[before] <= BEFORE_S;
+            a * b > 0.0 && a.abs().min(b.abs()) > far && is_short
         };
         let apart: Vec<(usize, usize)> = runs.ends.iter().filter(is_apart).copied().collect();
         let count = |runs: &[(usize, usize)]| runs.iter().map(|(from, to)| to - from).sum::<usize>();

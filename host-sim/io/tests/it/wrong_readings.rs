@@ -144,6 +144,11 @@ fn codes_among_voltages_are_found() {
     let (time_s, mut volts, reading) = recorded((100.0, slow), 0, (0.0, 1e-5, 0.0), &mut random);
     (0..6).for_each(|place| volts[600 * place + 130] = -999.0);
     has(&recording(&time_s, &volts, &reading).implausible().join("\n"), &["6 values of the drive are exactly -999"]);
+    // Rows that are far apart.
+    let slower = |t: f64| 0.5 - 0.5 * (TAU * 0.05 * t).cos();
+    let (time_s, mut volts, reading) = recorded((2.0, slower), 0, (0.0, 1e-5, 0.0), &mut random);
+    [13, 34, 57].into_iter().for_each(|row| volts[row] = 9999.0);
+    has(&recording(&time_s, &volts, &reading).implausible().join("\n"), &["3 values of the drive are exactly 9999"]);
     // Pulses of different rates and lengths that the film follows at once, or within 0.1 s.
     for (rate_hz, length_s, every_s) in [(20.0, 0.05, 1.0), (100.0, 0.1, 3.0), (1000.0, 0.05, 2.0), (1000.0, 0.4, 9.0)]
     {
