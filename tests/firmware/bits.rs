@@ -22,13 +22,13 @@ fn pil(bench: &Bench, line: &str, steps: u64) -> Value {
     report
 }
 
-/// Three recordings at 1 kHz, 3 s of each or all 155 s in a full sweep: displacement, state and voltage of every step are the host's, bit for bit;
+/// Three recordings at 1 kHz, 8 s of each or all 155 s in a full sweep: displacement, state and voltage of every step are the host's, bit for bit;
 /// of whole ticks, codes of the converters in and out, command, state and estimate, and the run is still on at its end.
 #[test]
 fn every_step_and_tick_of_three_recordings_has_the_hosts_bits() {
     let bench = Bench::new(TOOL);
     let files = bench.recordings("hossain");
-    let (seconds, steps) = if full_sweep() { (155, 465_003) } else { (3, 9003) };
+    let (seconds, steps) = if full_sweep() { (155, 465_003) } else { (8, 24_003) };
     let line = format!("--params preset:table3-n2 --duration {seconds} {files}");
     let counted = number(&pil(&bench, &line, steps)["instructions_per_step"]);
     let stated = stated("pil", "Cortex-M4F");
@@ -81,7 +81,6 @@ fn a_film_behind_a_curve_has_the_hosts_bits() {
     parameters.curve = Some(ElasticCurve::free(Curve::through(&points).expect("rises")));
     parameters.actuator.saturation_v = Some(9000.0);
     bench.write("film.toml", parameters.to_toml());
-    let seconds = if full_sweep() { 10 } else { 1 };
     for run in [
         "gl --law step hossain-5s.csv",
         "bdf2 --law step hossain-5s.csv",
@@ -91,8 +90,7 @@ fn a_film_behind_a_curve_has_the_hosts_bits() {
         "gl --law feedforward --plant hossain sine.csv",
         "gl --law tracking --plant hossain sine.csv",
     ] {
-        let report =
-            pil(&bench, &format!("--params film.toml --duration {seconds} --method {run}"), 1000 * seconds + 1);
+        let report = pil(&bench, &format!("--params film.toml --duration 3 --method {run}"), 3001);
         assert!(!run.contains("tick") || report["recordings"][0]["state"] == "running", "{report}");
     }
 }

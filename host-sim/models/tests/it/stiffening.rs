@@ -1,7 +1,7 @@
 //! Films that stiffen in series with creep, drawn at random: the structure that is selected, against all that were tried, and the error of
 //! feedforward, against the interval that is stated.
 //!
-//! `SPRINGPOT_SWEEP=full cargo test -p host-models --test it stiffening` fits 200.
+//! `SPRINGPOT_SWEEP=full cargo test -p host-models --test it stiffening` fits 260; of the first 200 most were used to calibrate the interval, of the others none.
 
 use std::f64::consts::TAU;
 
@@ -217,7 +217,7 @@ fn a_memory_that_fades_within_some_steps_is_fitted() {
 /// against the interval that is stated for it.
 #[test]
 fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
-    let cases = if full_sweep() { 200 } else { 1 };
+    let cases = if full_sweep() { 260 } else { 2 };
     let mut worse = Vec::new();
     let (mut widths, mut measured, mut missed) = (Vec::new(), Vec::new(), Vec::new());
     for seed in 46..46 + cases {
