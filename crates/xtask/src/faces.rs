@@ -19,7 +19,7 @@ use crate::{benchmark, embedded, other_board, packages, setup, test, windows};
 pub enum Face {
     /// The emitted C: gcc and clang, sanitizers, Cortex-M0, M4F, M33 and RISC-V in QEMU.
     C,
-    /// The Rust crates: their features and packages; on other boards, Cortex-M0, M33 and RISC-V in QEMU, with the example firmware.
+    /// The Rust crates: their features and packages; on other boards, Cortex-M33 and RISC-V in QEMU, with the example firmware.
     Rust,
     /// The Python package: a wheel, installed where there is no Rust, against the command line, its types and its notebook.
     Python,

@@ -68,9 +68,8 @@ enum Chore {
         #[arg(long, value_name = "ELF")]
         image: Option<std::path::PathBuf>,
     },
-    /// Test the law in other languages, and the Rust crates with each feature, as packages and on other boards (docs/c.md, python.md, simulink.md, fmi.md):
-    /// compilers, sanitizers, chips in QEMU, Python, Octave.
-    /// Installs what is missing, some 2.5 GB on Debian.
+    /// Test the law in other languages, and the Rust crates with each feature, as packages and on other boards (docs/c.md, python.md,
+    /// simulink.md, fmi.md): compilers, sanitizers, chips in QEMU, Python, Octave. Installs what is missing, some 2.5 GB on Debian.
     Faces {
         /// Only this one.
         face: Option<faces::Face>,
@@ -100,7 +99,8 @@ enum Chore {
     /// Look at the page of a demo in Chromium: plots drawn, numbers those of --json, no console message; light, dark, phone, print.
     /// Installs Chromium where it is missing (some 300 MB), which is why `test` does not do it.
     Page,
-    /// Build the documentation in the sources without a warning, and the book of docs/ into target/book, and follow its links. Installs mdBook where it is missing, which takes minutes.
+    /// Build the documentation in the sources without a warning, and the book of docs/ into target/book, and follow its links. Installs
+    /// mdBook where it is missing, which takes minutes.
     Book,
     /// Make the files of a release in target/dist/files, from the last commit (docs/CONTRIBUTING.md lists them). Uploads nothing; installs
     /// compiler targets, MinGW, and tools of cargo and Python into target/tools.

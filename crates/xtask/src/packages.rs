@@ -23,8 +23,8 @@ const FILES: [&str; 7] = [
 const FOLDERS: [(&str, &[&str]); 4] =
     [("src/", &[".rs"]), ("doc/", &[".md"]), ("examples/", &[".rs"]), ("tests/", &[".rs", ".csv", ".bin"])];
 
-/// Each library passes its lints with each of its features. Its package holds the library's own files, nothing else, and is complete. Neither the library nor its tests need the host
-/// tool.
+/// Each library passes its lints with each of its features. Its package holds the library's own files, nothing else, and is complete. Neither
+/// the library nor its tests need the host tool.
 pub fn run() -> Result<()> {
     features()?;
     for library in LIBRARIES {
