@@ -18,7 +18,7 @@ use crate::replay::simulate;
 /// Key of the table in a parameter file's provenance.
 const KEY: &str = "recorded";
 /// The smallest error over its estimate, and the largest over the difference of the fits and over the misfit, of which weak faults of recordings leave
-/// little. Calibrated on 380 random films that stiffen in series with creep, of which 4.4 % of 1900 references are outside, and on films with such faults.
+/// little. Calibrated on random films that stiffen in series with creep, and on films with such faults.
 const MIN_RATIO: f64 = 0.05;
 const MAX_OVER_DIFFERENCE: f64 = 1.45;
 const MAX_OVER_MISFIT: f64 = 5.0;
