@@ -113,22 +113,23 @@ impl Recording {
         let [usual] = quantiles(changes.collect(), [0.5])?;
         let [low, high] = quantiles(drive.value.clone(), [0.05, 0.95])?;
         let far = (FAR_CODE * (high - low).max(low.abs()).max(high.abs())).max(OF_CHANGES * usual);
-        let runs = Runs::new(drive.value.clone());
-        let value = |run: &(usize, usize)| runs.values[run.0];
+        let runs = runs(&drive.value);
+        let value = |run: &(usize, usize)| drive.value[run.0];
         // In several rows, for longer than a film takes to answer, it may be a voltage.
         let is_apart = |run: &&(usize, usize)| {
             let beside = [run.0.checked_sub(1), Some(run.1).filter(|row| *row < rows)];
             let [Some(before), Some(after)] = beside else { return false };
-            let [a, b] = [before, after].map(|row| value(run) - runs.values[row]);
+            let [a, b] = [before, after].map(|row| value(run) - drive.value[row]);
             let is_short = after - before == 2 || drive.time_s[after] - drive.time_s[before] <= BEFORE_S;
             a * b > 0.0 && a.abs().min(b.abs()) > far && is_short
         };
-        let apart: Vec<(usize, usize)> = runs.ends.iter().filter(is_apart).copied().collect();
+        let mut apart: Vec<(usize, usize)> = runs.iter().filter(is_apart).copied().collect();
+        apart.sort_by(|a, b| value(a).total_cmp(&value(b)));
         let count = |runs: &[(usize, usize)]| runs.iter().map(|(from, to)| to - from).sum::<usize>();
         if count(&apart) as f64 > RARE * rows as f64 {
             return None;
         }
-        let largest = runs.ends.iter().filter(|run| !is_apart(run)).map(|run| value(run).abs()).fold(0.0, f64::max);
+        let largest = runs.iter().filter(|run| !is_apart(run)).map(|run| value(run).abs()).fold(0.0, f64::max);
         let columns = self.columns();
         let reading = columns.iter().find(|(name, _)| *name == "displacement_m").map(|(_, reading)| reading)?;
         let [low, high] = quantiles(reading.iter().copied().filter(|value| !value.is_nan()).collect(), [0.05, 0.95])?;
@@ -163,15 +164,21 @@ fn answers(reading: &[f64], (from, to): (usize, usize), far: f64) -> bool {
 
 /// Values below which such shares of `values` are; none without values.
 fn quantiles<const N: usize>(mut values: Vec<f64>, shares: [f64; N]) -> Option<[f64; N]> {
-    values.sort_by(f64::total_cmp);
     let last = values.len().checked_sub(1)?;
-    Some(shares.map(|share| values[(last as f64 * share) as usize]))
+    Some(shares.map(|share| *values.select_nth_unstable_by((last as f64 * share) as usize, f64::total_cmp).1))
 }
 
 /// The load of a drive as a share of the largest.
 fn load(drive: &[f64]) -> Vec<f64> {
     let largest = drive.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
     drive.iter().map(|value| (value / largest.max(f64::MIN_POSITIVE)).powi(2)).collect()
+}
+
+/// Beginning and end of each run of one value.
+fn runs(values: &[f64]) -> Vec<(usize, usize)> {
+    let mut starts: Vec<usize> = (0..values.len()).filter(|&k| k == 0 || values[k] != values[k - 1]).collect();
+    starts.push(values.len());
+    starts.windows(2).map(|pair| (pair[0], pair[1])).collect()
 }
 
 /// Readings in runs of one value.
@@ -183,9 +190,7 @@ struct Runs {
 
 impl Runs {
     fn new(values: Vec<f64>) -> Self {
-        let mut starts: Vec<usize> = (0..values.len()).filter(|&k| k == 0 || values[k] != values[k - 1]).collect();
-        starts.push(values.len());
-        let mut ends: Vec<(usize, usize)> = starts.windows(2).map(|pair| (pair[0], pair[1])).collect();
+        let mut ends = runs(&values);
         // Not −0, which is 0.
         ends.sort_by(|a, b| (values[a.0] + 0.0).total_cmp(&(values[b.0] + 0.0)));
         Self { values, ends }
