@@ -36,8 +36,10 @@ impl Recording {
         };
         let ends = |values: &[f64]| Some((*values.first()?, *values.last()?));
         let largest = |values: &[f64]| ends(values).map_or(0.0, |(low, high)| if high > -low { high } else { low });
-        let mut found = Vec::new();
-        let voltage = largest(&values("voltage_v"));
+        // Codes have a line of their own.
+        let mut found: Vec<String> = self.coded_drive().into_iter().collect();
+        let is_coded = !found.is_empty();
+        let voltage = if is_coded { 0.0 } else { largest(&values("voltage_v")) };
         if voltage.abs() > *VOLTAGE_V.end() {
             let unit = self.smaller(Quantity::Voltage);
             found.push(format!("the largest voltage is {} V{}", rounded(voltage), unit));
@@ -55,7 +57,6 @@ impl Recording {
                 rounded(mains_v)
             ));
         }
-        found.extend(self.coded_drive());
         let displacement = values("displacement_m");
         // Without the outermost hundredths, which drop-outs may be.
         let at = |share: f64| displacement.get(((displacement.len().max(1) - 1) as f64 * share).round() as usize);
@@ -79,7 +80,7 @@ impl Recording {
             }
         }
         let force = largest(&values("force_n"));
-        if force.abs() > FORCE_N {
+        if force.abs() > FORCE_N && !is_coded {
             found.push(format!("the largest force is {} N{}", rounded(force), self.smaller(Quantity::Force)));
         }
         found.extend(self.implausible_times());

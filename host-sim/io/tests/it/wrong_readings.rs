@@ -126,9 +126,10 @@ fn codes_among_voltages_are_found() {
             for place in 0..times {
                 coded[(step * (place as f64 + 0.53)) as usize..][..rows].fill(code);
             }
-            let found = recording(&time_s, &coded, &reading).implausible().join("\n");
+            let found = recording(&time_s, &coded, &reading).implausible();
+            assert_eq!(found.len(), 1, "{name}: {found:?}");
             println!("{name}, {code} {times} times in {rows} rows");
-            has(&found, &["exactly", &code.to_string(), "`fill` linear"]);
+            has(&found[0], &["exactly", &code.to_string(), "`fill` linear"]);
             let edits = Edits { blanks: vec![Blank::Equal(Quantity::Voltage, code)], ..Edits::NONE };
             let series = recording(&time_s, &coded, &reading).into_series();
             let (series, blanked) = series.edited(&edits, Some(Fill::Linear)).expect("rows are left");
