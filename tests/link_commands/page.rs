@@ -9,11 +9,13 @@ use axum::Router;
 use axum::body::Body;
 use axum::http::{Request, StatusCode};
 use dea_driver::wire::boards;
-use host_sim::bench::control::Token;
+use host_sim::bench::control::{Permit, Token};
 use host_sim::bench::session::Session;
-use host_sim::bench::shared::{Live, Place};
+use host_sim::bench::shared::{Live, Place, Sitting, Wish};
 use host_sim::bench::web::{SECRET, Site, router};
+use host_sim::error::Error;
 use host_sim::files::parameters::Parameters;
+use host_sim::progress::Stage;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -44,6 +46,16 @@ pub struct Page {
     pub token: Value,
     pub number: u64,
     pub arming: Value,
+}
+
+impl Page {
+    /// The permit of its next request.
+    fn permit(&mut self, desk: &Desk) -> Permit {
+        self.number += 1;
+        let token = self.token.as_str().expect("a token").parse().expect("a token");
+        let now = desk.site.session.now();
+        desk.site.session.control().may(token, self.number, None, now).expect("permitted")
+    }
 }
 
 impl Desk {
@@ -165,6 +177,34 @@ impl Drop for Eyes {
 pub fn volts(high: f64, duration_s: f64) -> Value {
     let shape = json!({ "shape": "sine", "low": 0.0, "high": high, "period_s": 2.0, "duration_s": duration_s });
     json!({ "play": { "mode": "voltage", "reference": { "shape": shape } } })
+}
+
+/// A sitting that computes, and shows nothing new for longer than a page may stay unseen, is not ended; without a page in sight it is.
+#[test]
+fn a_sitting_that_computes_goes_on_while_its_page_is_in_sight() {
+    let desk = Desk::new(Scene::CALM);
+    let mut page = desk.page();
+    let begin = |page: &mut Page, end_ms: u64| {
+        let permit = page.permit(&desk);
+        let (site, from_ms) = (Arc::clone(&desk.site), desk.live().at_ms);
+        let sitting: Sitting = Box::new(move |_, _, watched| {
+            watched.step(&Stage { what: "fit".into(), count: None, work: (390, 960) });
+            let live = site.session.live();
+            while live.borrow().at_ms < from_ms + end_ms && !watched.stop().load(Ordering::Relaxed) {
+                thread::sleep(Duration::from_millis(20));
+            }
+            if watched.stop().load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok("computed".into()) }
+        });
+        let asked = desk.site.session.ask(Wish::Commission(sitting), permit);
+        desk.runtime.block_on(asked).expect("an answer").expect("it begins");
+        desk.wait(|live| live.state == "commissioning" && live.played_s == [390.0, 960.0]);
+    };
+    let eyes = desk.eyes(&page);
+    begin(&mut page, 3000);
+    desk.wait(|live| live.state == "disarmed" && live.message == "computed");
+    begin(&mut page, 60_000);
+    drop(eyes);
+    desk.wait(|live| live.state == "disarmed" && live.message.contains("not seen any more"));
 }
 
 /// Arm, play, tune, the end of the reference, and a stop; the recording has every sample, and its report opens.

@@ -102,7 +102,9 @@ impl Progress {
             Some((number, of)) => format!("{what} ({number} of {of})"),
             None => what.clone(),
         };
-        self.bar.suspend(|| terminal::note(&text));
+        if self.bar.message() != text {
+            self.bar.suspend(|| terminal::note(&text));
+        }
         if *all > 0 {
             // Where more is planned on the way the share does not change.
             let share = self.bar.position() as f64 / self.bar.length().unwrap_or(0).max(1) as f64;

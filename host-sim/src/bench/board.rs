@@ -361,9 +361,10 @@ impl<'a> Board<'a> {
         let watched = Watched::new(self.shared, live);
         let ended = sitting(&mut self.client, &self.identity, &watched);
         locked(&self.shared.control).end();
+        // The samples of the session were off.
+        self.sampled = Instant::now();
         self.bring_to_0_v()?;
         self.client.order(Command::Stream { every: self.place.every })?;
-        self.sampled = Instant::now();
         self.live.playing.clear();
         self.name_parameters()?;
         self.live.message = ended.unwrap_or_else(|error| error.to_string());

@@ -146,7 +146,7 @@
     put("error", digits(error, 1e6, 1));
     put("limits", live.limited.join(", ") || "none");
     const [at, of] = live.played_s;
-    put("playing", live.playing === "" ? "" : of > 0 && state === "running" ? `${live.playing}: ${at.toFixed(0)} of ${of.toFixed(0)} s` : live.playing);
+    put("playing", live.playing === "" ? "" : of > 0 && ["running", "commissioning"].includes(state) ? `${live.playing}: ${at.toFixed(0)} of ${of.toFixed(0)} s` : live.playing);
     const [samples, lost] = live.samples;
     put("recording", live.recording === "" ? "Nothing is recorded yet." : `${live.recording}: ${samples} samples, ${lost} lost`);
     put("board", `${live.port} ${live.firmware}, parameters: ${live.parameters || "none"}`);

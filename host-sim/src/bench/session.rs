@@ -46,6 +46,7 @@ impl Session {
                 if let Some(ended) = ended {
                     watcher.stop(&ended.to_string());
                 }
+                watcher.renew();
                 thread::sleep(LOOK);
             }
         });

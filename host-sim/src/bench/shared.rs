@@ -13,10 +13,13 @@ use super::control::{Control, Moment, Permit, Token};
 use crate::commission::Row;
 use crate::error::Result;
 use crate::link::{Client, Stopper};
+use crate::progress::Stage;
 
 /// Values of a reference per second that are sent, as many as turns of the loop: five for every heartbeat that the shortest sensible limit
 /// asks for.
 pub const SENT_HZ: f64 = 100.0;
+/// Age of a sitting's state from which it is sent again, ms.
+const RENEWED_MS: u64 = 250;
 /// From one published state to the next: 20 a second.
 pub(super) const PUBLISH: Duration = Duration::from_millis(50);
 
@@ -97,10 +100,11 @@ impl<'a> Watched<'a> {
         &self.shared.stop
     }
 
-    /// Shows the step that it is at.
-    pub fn step(&self, name: &str) {
+    /// Shows the step that it is at, and how far the sitting is.
+    pub fn step(&self, stage: &Stage) {
         let mut live = locked(&self.live);
-        live.playing = name.into();
+        live.playing.clone_from(&stage.what);
+        live.played_s = [stage.work.0 as f64, stage.work.1 as f64];
         self.shared.publish(&mut live);
     }
 
@@ -183,9 +187,25 @@ impl Shared {
     }
 
     pub(super) fn publish(&self, live: &mut Live) {
-        live.at_ms = u64::try_from(self.started.0.elapsed().as_millis()).unwrap_or(u64::MAX);
+        live.at_ms = self.at_ms();
         live.in_control = locked(&self.control).place();
         self.live.send_replace(live.clone());
+    }
+
+    /// Sends the state of a sitting that computes again: it has no rows then, and a page in sight has something to draw.
+    pub(super) fn renew(&self) {
+        let now_ms = self.at_ms();
+        self.live.send_if_modified(|live| {
+            let is_old = live.state == "commissioning" && live.at_ms + RENEWED_MS < now_ms;
+            if is_old {
+                live.at_ms = now_ms;
+            }
+            is_old
+        });
+    }
+
+    fn at_ms(&self) -> u64 {
+        u64::try_from(self.started.0.elapsed().as_millis()).unwrap_or(u64::MAX)
     }
 }
 

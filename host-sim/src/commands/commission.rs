@@ -314,7 +314,7 @@ pub(super) fn sittings(board: &str, out: &Path) -> Result<Sittings> {
         Ok(Box::new(move |client: &mut Client, identity: &Identity, watched: &Watched<'_>| {
             let folder = arguments.check(&plan)?;
             let mut bench = Shown { bench: LinkedBench::new(client, identity, watched.stop()), watched };
-            let report = arguments.sitting(&plan, &mut bench, watched.stop(), &|stage| watched.step(&stage.what))?;
+            let report = arguments.sitting(&plan, &mut bench, watched.stop(), &|stage| watched.step(stage))?;
             drop(folder);
             Ok(format!("{} {}", report.verdict.sentence, report.verdict.next))
         }))

@@ -5,8 +5,9 @@ use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
+use crate::terminal;
 
 /// Rows wait this long at the most.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
@@ -52,6 +53,20 @@ impl Journal {
         let fault = |e| Error::file(&journal.part, e);
         writeln!(journal.rows, "{header}").and_then(|()| journal.rows.flush()).map_err(fault)?;
         Ok((journal, recovered))
+    }
+
+    /// The same; what an earlier program has left is reported.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::begin`].
+    pub fn begin_and_report(target: &Path, columns: &[&str]) -> Result<Self> {
+        let (journal, recovered) = Self::begin(target, columns)?;
+        if let Some(Recovered { path, rows }) = recovered {
+            let (target, path) = (shown(target), shown(&path));
+            terminal::message(format!("an earlier run for {target} was killed: its {rows} samples are kept in {path}"));
+        }
+        Ok(journal)
     }
 
     /// Adds a row; a value that is not a number leaves its cell empty.

@@ -5,10 +5,9 @@ use std::path::Path;
 use dea_driver::wire::Telemetry;
 
 use super::Client;
-use crate::error::{Result, shown};
-use crate::files::journal::{Journal, Recovered};
+use crate::error::Result;
+use crate::files::journal::Journal;
 use crate::files::parameters::as_written;
-use crate::terminal;
 
 /// Samples, written as they arrive.
 #[derive(Debug)]
@@ -35,11 +34,7 @@ impl Log {
     pub fn begin(client: &mut Client, out: &Path, every: u16) -> Result<Self> {
         let names: Vec<&str> = COLUMNS.iter().map(|(name, _)| *name).collect();
         let columns = [&["time_s"], names.as_slice()].concat();
-        let (journal, recovered) = Journal::begin(out, &columns)?;
-        if let Some(Recovered { path, rows }) = recovered {
-            let (out, path) = (shown(out), shown(&path));
-            terminal::message(format!("an earlier run for {out} was killed: its {rows} samples are kept in {path}"));
-        }
+        let journal = Journal::begin_and_report(out, &columns)?;
         // Without parameters there are no ticks, so no samples either.
         let rate_hz = Some(f64::from(client.status()?.rate_hz)).filter(|&rate_hz| rate_hz > 0.0).unwrap_or(1000.0);
         Ok(Self { rate_hz, every: u32::from(every), first: None, last: None, samples: 0, dropped: 0, journal })

@@ -201,6 +201,10 @@ pub fn of_rows(rows: &[Row]) -> Vec<Finding> {
 pub fn of_ramp(rows: &[Row], report: &ramp::Report, band_hz: f64) -> Vec<Finding> {
     let mut findings = Vec::new();
     let noise_m = report.noise_m;
+    if let Some(drift_m_per_s) = report.drift_m_per_s {
+        let measured = format!("the reading of the film at 0 V drifts by {:+.1} µm/s", 1e6 * drift_m_per_s);
+        return vec![Finding::new(Cause::Drift, measured)];
+    }
     let falls = report.steps.iter().rev().take(2).filter(|step| step.measured_m < -6.0 * noise_m).count();
     if falls == 2 {
         let last = report.steps[report.steps.len() - 1];

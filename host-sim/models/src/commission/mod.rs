@@ -18,12 +18,13 @@ use host_io::choice::Choice;
 use indicatif::ProgressBar;
 
 use crate::error::{Error, Result};
-use crate::excitation::profile::{PartShape, Profile, ProfileOptions};
+use crate::excitation::profile::PartShape;
+use crate::files::journal::Journal;
 use crate::files::output;
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit;
-use crate::grid::Grid;
+use crate::grid::{Grid, Samples};
 use crate::progress::Stage;
 use crate::replay::expectation::Recorded;
 use crate::replay::feedforward;
@@ -78,7 +79,18 @@ pub fn commission(
         files: Vec::new(),
         picture: [Vec::new(), Vec::new()],
     };
-    let mut course = Course { bench, plan, folder, stop, progress, report, rows: Vec::new(), parameters: None };
+    let mut course = Course {
+        bench,
+        plan,
+        folder,
+        stop,
+        progress,
+        report,
+        stage: Stage::default(),
+        growing: None,
+        rows: Vec::new(),
+        parameters: None,
+    };
     let ended = course.steps();
     if plan.dry_run || course.report.checksum.is_none() {
         // Without any of its own a controller has nothing to return to.
@@ -102,6 +114,10 @@ struct Course<'a> {
     stop: &'a AtomicBool,
     progress: &'a dyn Fn(&Stage),
     report: Report,
+    /// The step that it is at, with the work of the sitting in s.
+    stage: Stage,
+    /// The file that what is measured goes to.
+    growing: Option<Growing>,
     /// Everything that was measured, with the displacement as the controller of that time had it.
     rows: Vec<Row>,
     parameters: Option<Parameters>,
@@ -112,11 +128,18 @@ impl Course<'_> {
         if self.plan.steps[0] <= Step::Excite {
             self.bench.install(&provisional(self.plan)?, false)?;
         }
+        let planned = |step| if self.plan.has(step) { self.plan.expected_s(step) } else { 0 };
+        let expected_s: Vec<u64> = Step::CHOICES.iter().map(|(step, ..)| planned(*step)).collect();
         for (number, (step, name, help)) in Step::CHOICES.iter().enumerate() {
             if !self.plan.has(*step) {
                 continue;
             }
-            (self.progress)(&Stage::numbered(format!("{name}: {}", help.trim()), number + 1, Step::CHOICES.len()));
+            self.stage = Stage {
+                what: format!("{name}: {}", help.trim()),
+                count: Some((number + 1, Step::CHOICES.len())),
+                work: (expected_s[..number].iter().sum(), expected_s.iter().sum()),
+            };
+            (self.progress)(&self.stage);
             self.report.steps.push(name);
             match step {
                 Step::SelfTest => self.self_test()?,
@@ -139,13 +162,27 @@ impl Course<'_> {
         path
     }
 
-    /// Runs, and keeps the rows; a trip is a finding.
+    /// Runs, keeps the rows, and writes them as they come; a trip is a finding.
     fn run(&mut self, mode: Mode, pilot: &mut dyn FnMut(&Row) -> Option<f64>) -> Result<Vec<Row>> {
         let mut rows = Vec::new();
-        let tripped = self.bench.run(mode, &mut |row| {
+        let mut written = Ok(());
+        let Self { bench, growing, stage, stop, progress, .. } = self;
+        let (before_s, all_s) = stage.work;
+        let tripped = bench.run(mode, &mut |row| {
             rows.push(*row);
-            if self.stop.load(Ordering::Relaxed) { None } else { pilot(row) }
+            if let Some(growing) = growing
+                && let Err(error) = growing.push(row)
+            {
+                written = Err(error);
+                return None;
+            }
+            if rows.len().is_multiple_of(bench::ROWS_HZ as usize) {
+                stage.work.0 = (before_s + rows.len() as u64 / bench::ROWS_HZ as u64).min(all_s);
+                progress(stage);
+            }
+            if stop.load(Ordering::Relaxed) { None } else { pilot(row) }
         })?;
+        written?;
         if self.stop.load(Ordering::Relaxed) {
             return Err(Error::Interrupted);
         }
@@ -213,19 +250,15 @@ impl Course<'_> {
 
     fn excite(&mut self) -> Result<()> {
         let ramp = self.ramped()?;
-        let board_limits = self.plan.board.command_limits();
-        let options = ProfileOptions {
-            peak_v: ramp.peak_v.floor(),
-            frequencies_hz: [1.0, 0.7, 0.385].map(|share| share * self.plan.band_hz).to_vec(),
-            cycles: self.plan.cycles,
-            hold_s: self.plan.hold_s,
-            rest_s: 5.0,
-        };
-        let profile = Profile::new(&options, &board_limits, self.report.limits.thickness_m)?;
+        let profile = self.plan.excitation(ramp.peak_v.floor())?;
         let grid = Grid::covering(profile.duration_s(), bench::ROWS_HZ)?;
         let voltage_v = profile.on(grid);
         let (mut k, mut scale) = (0, 1.0);
         let largest_m = 0.95 * self.report.limits.stroke_m;
+        let path = self.file(RECORDING);
+        let mut growing = Growing::begin(&path, false)?;
+        self.rows.iter().try_for_each(|row| growing.push(row))?;
+        self.growing = Some(growing);
         let rows = self.run(Mode::Voltage, &mut |row| {
             // More creep than was predicted: with less voltage from here on.
             if row.displacement_m.abs() > largest_m {
@@ -234,23 +267,7 @@ impl Course<'_> {
             k += 1;
             voltage_v.get(k).map(|volts| scale * volts)
         })?;
-        let path = self.file(RECORDING);
-        let first_s = self.rows.first().map_or(0.0, |row| row.time_s);
-        let (time_s, voltage_v) = self.driven();
-        let mut measured = self.rows.iter().peekable();
-        let mut reading_m = |t: &f64| {
-            let row = measured.next_if(|row| row.time_s - first_s <= t + 1e-6);
-            row.map_or(f64::NAN, |row| row.displacement_m)
-        };
-        let displacement_m: Vec<f64> = time_s.iter().map(&mut reading_m).collect();
-        output::write_columns(
-            &path,
-            &[
-                ("time_s", Some(time_s.as_slice())),
-                ("voltage_v", Some(&voltage_v)),
-                ("displacement_m", Some(&displacement_m)),
-            ],
-        )?;
+        self.grown()?;
         if self.report.findings.is_empty() {
             self.report.findings.extend(diagnosis::of_jumps(&rows, ramp.noise_m));
             self.report.findings.extend(diagnosis::of_recording(Recording::read(&path)?));
@@ -267,20 +284,9 @@ impl Course<'_> {
         Ok(())
     }
 
-    /// Times from the first row on, and the voltages there: 0 V between two runs.
-    fn driven(&self) -> (Vec<f64>, Vec<f64>) {
-        let first_s = self.rows.first().map_or(0.0, |row| row.time_s);
-        let (mut time_s, mut voltage_v): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
-        for row in &self.rows {
-            let t = row.time_s - first_s;
-            let last = time_s.last().copied().filter(|last| t - last > 5.0 / bench::ROWS_HZ);
-            let rows = last.map_or(0, |last| ((t - last) * bench::ROWS_HZ) as usize);
-            time_s.extend((1..rows).map(|k| last.unwrap_or(0.0) + k as f64 / bench::ROWS_HZ));
-            voltage_v.resize(time_s.len(), 0.0);
-            time_s.push(t);
-            voltage_v.push(row.monitor_v);
-        }
-        (time_s, voltage_v)
+    /// Gives the file that grows its name.
+    fn grown(&mut self) -> Result<()> {
+        self.growing.take().map_or(Ok(()), |growing| growing.journal.finish())
     }
 
     fn fit(&mut self) -> Result<()> {
@@ -289,7 +295,11 @@ impl Course<'_> {
         let options = &self.plan.fit;
         let settings = options.settings(None, Some((self.plan.actuator, self.plan.assumed_sizes)))?;
         let (observations, _): (Vec<_>, Vec<_>) = options.observations(&[&recording])?.into_iter().unzip();
-        let fit = fit::fit(&observations, &settings, self.stop, self.progress)?;
+        let fit = fit::fit(&observations, &settings, self.stop, &|part| {
+            let (done, all) = part.work;
+            let done_s = self.plan.expected_s(Step::Fit) * done.min(all) / all.max(1);
+            (self.progress)(&Stage { work: (self.stage.work.0 + done_s, self.stage.work.1), ..self.stage.clone() });
+        })?;
         if self.stop.load(Ordering::Relaxed) {
             return Err(Error::Interrupted);
         }
@@ -378,6 +388,8 @@ impl Course<'_> {
         let expected = recorded.expectation(&parameters, within, grid, segments.range_m, all_v);
         let predicted_pct = expected.feedforward_error_pct;
 
+        let path = self.file(VERIFICATION);
+        self.growing = Some(Growing::begin(&path, true)?);
         let mut from_s = None;
         let end_s = segments.duration_s();
         let feedforward = self.run(Mode::Voltage, &mut |row| {
@@ -386,25 +398,14 @@ impl Course<'_> {
         })?;
         self.rest(0.5 * self.plan.rest_s)?;
         if !self.report.findings.is_empty() {
-            return Ok(());
+            return self.grown();
         }
         let mut from_s = None;
         let tracking = self.run(Mode::Tracking, &mut |row| {
             let t = row.time_s - *from_s.get_or_insert(row.time_s) + 1.0 / bench::ROWS_HZ;
             (t < end_s).then(|| segments.at(t))
         })?;
-        let path = self.file(VERIFICATION);
-        let all: Vec<Row> = feedforward.iter().chain(&tracking).copied().collect();
-        let column = |value: &dyn Fn(&Row) -> f64| all.iter().map(value).collect::<Vec<f64>>();
-        output::write_columns(
-            &path,
-            &[
-                ("time_s", Some(&column(&|row| row.time_s))),
-                ("voltage_v", Some(&column(&|row| row.monitor_v))),
-                ("displacement_m", Some(&column(&|row| row.displacement_m))),
-                ("reference_m", Some(&column(&|row| row.reference_m))),
-            ],
-        )?;
+        self.grown()?;
         let sum = |value: fn(&Row) -> f64| feedforward.iter().map(value).sum::<f64>();
         self.report.monitor_error = Some(sum(|row| row.monitor_v) / sum(|row| row.command_v) - 1.0);
         let quality = |rows: &[Row], predicted| Quality::new(segments.errors_pct(rows, ramp.noise_m), predicted);
@@ -422,9 +423,17 @@ impl Course<'_> {
 
     /// The voltage so far, a thousand values a second.
     fn history(&self) -> Vec<f64> {
-        let (time_s, value) = self.driven();
-        let until_s = time_s.last().copied().unwrap_or(0.0);
-        let samples = crate::grid::Samples { time_s, value };
+        let (mut samples, mut last_s) = (Samples::default(), None);
+        let first_s = self.rows.first().map_or(0.0, |row| row.time_s);
+        for row in &self.rows {
+            let t = row.time_s - first_s;
+            samples.time_s.extend(missing(last_s, t));
+            samples.value.resize(samples.time_s.len(), 0.0);
+            samples.time_s.push(t);
+            samples.value.push(row.monitor_v);
+            last_s = Some(t);
+        }
+        let until_s = last_s.unwrap_or(0.0);
         samples.at((0..(until_s * verification::RATE_HZ) as usize).map(|k| k as f64 / verification::RATE_HZ))
     }
 
@@ -432,5 +441,37 @@ impl Course<'_> {
         let mut from_s = None;
         self.run(Mode::Voltage, &mut |row| (row.time_s - *from_s.get_or_insert(row.time_s) < length_s).then_some(0.0))?;
         Ok(())
+    }
+}
+
+/// Times at which rows are missing before `t`, s, where the film is at 0 V between two runs.
+fn missing(last_s: Option<f64>, t: f64) -> impl Iterator<Item = f64> {
+    let last_s = last_s.filter(|last_s| t - last_s > 5.0 / bench::ROWS_HZ).unwrap_or(t);
+    (1..((t - last_s) * bench::ROWS_HZ) as usize).map(move |k| last_s + k as f64 / bench::ROWS_HZ)
+}
+
+/// A file of what is measured, which is on the disk as it comes.
+struct Growing {
+    journal: Journal,
+    has_reference: bool,
+    first_s: Option<f64>,
+    last_s: Option<f64>,
+}
+
+impl Growing {
+    fn begin(path: &Path, has_reference: bool) -> Result<Self> {
+        let columns = ["time_s", "voltage_v", "displacement_m", "reference_m"];
+        let journal = Journal::begin_and_report(path, &columns[..3 + usize::from(has_reference)])?;
+        Ok(Self { journal, has_reference, first_s: None, last_s: None })
+    }
+
+    fn push(&mut self, row: &Row) -> Result<()> {
+        let t = row.time_s - *self.first_s.get_or_insert(row.time_s);
+        let cells = 3 + usize::from(self.has_reference);
+        for between_s in missing(self.last_s.replace(t), t) {
+            self.journal.push(&[between_s, 0.0, f64::NAN, f64::NAN][..cells])?;
+        }
+        self.journal.push(&[t, row.monitor_v, row.displacement_m, row.reference_m][..cells])?;
+        self.journal.flush_if_due()
     }
 }

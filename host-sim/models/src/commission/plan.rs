@@ -3,8 +3,9 @@
 use host_io::choice;
 use springpot::{Actuator, Maxwell, Springpot, Topology};
 
-use super::verification::RATE_HZ;
+use super::verification::{RATE_HZ, Segments};
 use crate::error::Result;
+use crate::excitation::profile::{Profile, ProfileOptions};
 use crate::files::parameters::{Board, Parameters, below_resonance};
 use crate::fit::FitOptions;
 
@@ -84,6 +85,37 @@ impl Plan {
     /// Whether `step` is to be done.
     pub fn has(&self, step: Step) -> bool {
         (self.steps[0]..=self.steps[1]).contains(&step)
+    }
+
+    /// The excitation up to `peak_v`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`](crate::error::Error) where the board does not allow it.
+    pub(super) fn excitation(&self, peak_v: f64) -> Result<Profile> {
+        let options = ProfileOptions {
+            peak_v,
+            frequencies_hz: [1.0, 0.7, 0.385].map(|share| share * self.band_hz).to_vec(),
+            cycles: self.cycles,
+            hold_s: self.hold_s,
+            rest_s: 5.0,
+        };
+        Profile::new(&options, &self.board.command_limits(), self.board.limits.thickness_m.into())
+    }
+
+    /// About how long `step` takes, s.
+    pub(super) fn expected_s(&self, step: Step) -> u64 {
+        let seconds = match step {
+            Step::SelfTest | Step::Upload => 2.0,
+            Step::Ramp => 80.0,
+            Step::Excite => self.excitation(1000.0).map_or(300.0, |profile| profile.duration_s()),
+            Step::Fit => 10.0,
+            Step::Verify => {
+                let segments = Segments::random(0.0, 1.0, self.band_hz, self.segments, self.seed);
+                1.5 * self.rest_s + 2.0 * segments.duration_s()
+            }
+        };
+        seconds as u64
     }
 }
 

@@ -27,6 +27,9 @@ const CREEP_S: f64 = 0.3;
 /// its range.
 const FLAT: f64 = 0.1;
 const SURE: f64 = 5.0;
+/// Share of the largest stroke by which the reading of a film at rest may drift over an excitation of so many seconds.
+const DRIFT: f64 = 0.1;
+const EXCITATION_S: f64 = 300.0;
 /// A stroke below so many times the noise does not identify a film.
 const MIN_STROKE: f64 = 30.0;
 /// A step is seen from so many times the noise on.
@@ -94,6 +97,9 @@ pub struct Report {
     pub stroke_m: f64,
     /// RMS noise of the sensor at rest, m.
     pub noise_m: f64,
+    /// Change of its reading at rest where that is too large to identify a film, m/s.
+    #[serde(default)]
+    pub drift_m_per_s: Option<f64>,
     /// Whether it ended as planned, not by a trip.
     pub is_complete: bool,
     /// Whether the film can be identified: it moves enough.
@@ -120,6 +126,7 @@ pub struct Ramp {
     present: Vec<f64>,
     zero_m: f64,
     noise_m: f64,
+    drift_m_per_s: Option<f64>,
     predicted: (Option<f64>, Option<f64>),
     /// Displacement at the end of the present step as if it were not taken, m.
     without_m: f64,
@@ -143,6 +150,7 @@ impl Ramp {
             present: Vec::new(),
             zero_m: 0.0,
             noise_m: 0.0,
+            drift_m_per_s: None,
             predicted: (None, None),
             without_m: 0.0,
             steps: Vec::new(),
@@ -172,6 +180,7 @@ impl Ramp {
                 // Of neighbours: a drift is not noise.
                 let square: f64 = self.present.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
                 self.noise_m = (0.5 * square / count).sqrt();
+                self.drift_m_per_s = self.drift();
                 self.history.iter_mut().for_each(|row| row.2 -= self.zero_m);
                 self.go_on(now_s);
             }
@@ -197,11 +206,22 @@ impl Ramp {
             peak_v: last.map_or(0.0, |step| step.voltage_v),
             stroke_m,
             noise_m: self.noise_m,
+            drift_m_per_s: self.drift_m_per_s,
             moves: stroke_m > MIN_STROKE * self.noise_m,
             is_complete: self.ended_by.is_some(),
             ended_by: self.ended_by.unwrap_or_else(|| "the run ended".into()),
             steps: self.steps,
         }
+    }
+
+    /// Slope of the readings at rest, m/s, where it is larger than its own error and than what identifies a film.
+    fn drift(&self) -> Option<f64> {
+        let (count, middle) = (self.present.len() as f64, 0.5 * (self.present.len() as f64 - 1.0));
+        let moment: f64 = self.present.iter().zip(0..).map(|(x, k)| (x - self.zero_m) * (f64::from(k) - middle)).sum();
+        let spread = count * (count * count - 1.0) / 12.0;
+        let slope = moment / spread * ROWS_HZ;
+        let error = self.noise_m / spread.sqrt() * ROWS_HZ;
+        Some(slope).filter(|slope| slope.abs() > (DRIFT * self.limits.stroke_m / EXCITATION_S).max(2.0 * SURE * error))
     }
 
     fn share(&self, volts: f64) -> f64 {
@@ -246,6 +266,9 @@ impl Ramp {
     /// The voltage of the next step, V, or why there are no more.
     fn next_voltage(&self) -> Result<f64, String> {
         // Doubled at first, then by equal parts of the force.
+        if self.drift_m_per_s.is_some() {
+            return Err("the reading drifts at 0 V".into());
+        }
         let now = self.share(self.from_v);
         let wanted = if now < 1.0 / 17.0 { (2.0 * now).max(1.0 / 256.0) } else { now + 1.0 / 16.0 };
         if let [.., before, last] = self.steps.as_slice() {
