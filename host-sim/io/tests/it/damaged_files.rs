@@ -41,6 +41,28 @@ fn hostile_files_are_refused_with_their_cause() {
     has(&error.expect_err("a gap").to_string(), &["film.txt:3:", "U (kV) is empty"]);
 }
 
+/// Lines of nothing but quotes or a sign of comments, anywhere above the rows.
+#[test]
+fn lines_without_a_cell_above_the_rows_are_passed_over() {
+    let folder = Folder::new();
+    let numbers = rows(" ", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm]);
+    for line in ["\"\"", "\"\" \"\"", "#", "''", "\t", "\"\"\n\"\""] {
+        for text in [
+            format!("{line}\nTime_s HV_kV laser_mm\n{numbers}"),
+            format!("Time_s HV_kV laser_mm\n{line}\n{numbers}"),
+            format!("Time_s HV_kV laser_mm\n{numbers}{line}\nTime_s HV_kV laser_mm\n{numbers}"),
+            format!("{line}\n{numbers}"),
+        ] {
+            // Read or refused, in one line.
+            if let Err(error) = folder.read(text, "") {
+                assert_eq!(error.to_string().lines().count(), 1, "{error}");
+            }
+        }
+        let text = format!("{line}\nTime_s HV_kV laser_mm\n{numbers}");
+        assert!(folder.read(text, "").is_ok_and(|read| read.duration_s() > 2.0) || line.starts_with('\''), "{line}");
+    }
+}
+
 /// Every beginning of a file of MATLAB and of a workbook, and every byte changed: an answer, never a panic.
 #[test]
 fn damaged_binary_files_never_panic() {

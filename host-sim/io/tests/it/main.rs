@@ -8,6 +8,7 @@ mod lab_files;
 mod misreadings;
 mod other_files;
 mod refused_recordings;
+mod rivals;
 mod rows_without_times;
 mod sealed_records;
 mod shifted_rows;

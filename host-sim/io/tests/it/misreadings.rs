@@ -60,9 +60,9 @@ fn a_force_does_not_replace_a_voltage() {
         ("Monitor (V)", "Force (N)", "voltage=2"),
         ("CH1 (V)", "Force (N)", "voltage=2"),
         ("Amplifier (V)", "Load cell (N)", "voltage=2"),
-        ("HV (VDC)", "Force (N)", "voltage=2*1"),
+        ("HV (V~)", "Force (N)", "voltage=2*1"),
         ("HV mon (V/kV)", "Force (N)", "voltage=2*1"),
-        ("Napięcie (V)", "Siła (N)", "voltage=2"),
+        ("Zmierzone (V)", "Siła (N)", "voltage=2"),
     ] {
         let text = format!("Time (s);{voltage};{force};Laser (mm)\n{numbers}");
         has(&folder.refused(&text, ""), &[voltage, "`columns` voltage=2", "voltage=none"]);

@@ -87,13 +87,11 @@ fn has_own_names(head: &str, request: &Request<'_>) -> bool {
         Err(_) => true,
         Ok(None) => false,
         Ok(Some(chosen)) if mapping::has_another_displacement(&table.titles(), request, &chosen) => false,
-        Ok(Some(chosen)) => match table.rows().next() {
-            Some(Ok((_, cells))) => chosen.iter().all(|column| {
-                let cell = cells.get(column.index).map(|text| numbers::cell(text, Decimal::Point));
-                !matches!(cell, Some(Cell::Text(_)))
-            }),
-            _ => true,
-        },
+        Ok(Some(chosen)) => table.rows().take(100).flatten().enumerate().all(|(k, (_, cells))| {
+            let is_text = |text: &str| k == 0 && matches!(numbers::cell(text, Decimal::Point), Cell::Text(_));
+            let is_ours = |text: &str| !text.contains(',') && !is_text(text);
+            chosen.iter().all(|column| cells.get(column.index).is_none_or(|text| is_ours(text)))
+        }),
     }
 }
 

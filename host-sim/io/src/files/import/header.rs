@@ -79,7 +79,8 @@ fn key(cell: &str) -> Option<Key> {
 ///
 /// The line and the cause where a row between names and numbers is neither.
 pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Head, (u64, String)> {
-    let rows: Vec<&TopRow> = above.iter().filter(|row| !row.comment || forced == Some(row.line)).collect();
+    let rows: Vec<&TopRow> =
+        above.iter().filter(|row| (!row.comment || forced == Some(row.line)) && !row.cells.is_empty()).collect();
     let with_key = |wanted: Key| rows.iter().rev().find(|row| key(&row.cells[0]) == Some(wanted)).copied();
     let mut head = Head::default();
     let (mut units, mut odd) = (None, None);
@@ -159,6 +160,14 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
             ..Title::default()
         })
         .collect();
+    if let Some(groups) = index.checked_sub(1).map(|above| rows[above]).filter(|groups| are_groups(groups, row)) {
+        let mut group = "";
+        for (title, cell) in head.titles.iter_mut().zip(&groups.cells) {
+            // Cells of a spreadsheet that were merged have their text in the first one.
+            group = if cell.trim().is_empty() { group } else { cell.trim() };
+            title.group = group.into();
+        }
+    }
     // Oscilloscopes put start and increment behind the names, and their values in the row of units.
     head.interval = interval::of_scope(&row.cells, units.map(|units| units.cells.as_slice())).map(Ok);
     let is_setting = |title: &Title| {
@@ -173,6 +182,15 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
     }
     (head.line, head.preamble) = (row.line, index);
     Ok(head)
+}
+
+/// Whether the row above the `names` has groups of columns.
+fn are_groups(groups: &TopRow, names: &TopRow) -> bool {
+    let filled = groups.cells.iter().filter(|cell| !cell.trim().is_empty()).count();
+    groups.cells.len() == names.cells.len()
+        && filled > 1
+        && !groups.cells.iter().any(is_number)
+        && key(&groups.cells[0]).is_none()
 }
 
 fn is_number(cell: impl AsRef<str>) -> bool {
@@ -201,7 +219,8 @@ fn is_units(row: &TopRow, above: &[&TopRow], columns: usize) -> bool {
         let in_brackets = cell.starts_with(['(', '[', '{']) && cell.ends_with([')', ']', '}']);
         match unit_cell(cell, false) {
             UnitSense::Known(_) | UnitSense::MilliOrMega => units += 1,
-            _ if in_brackets || is_other_unit(cell) || (is_scope && is_number(cell)) => known += 1,
+            UnitSense::Other | UnitSense::Missing => known += 1,
+            _ if in_brackets || (is_scope && is_number(cell)) => known += 1,
             _ if is_number(cell) => return false,
             _ => unknown += 1,
         }
@@ -215,13 +234,4 @@ fn is_units(row: &TopRow, above: &[&TopRow], columns: usize) -> bool {
             && !is_units(names, &[], columns)
     };
     units >= columns.min(2) && (unknown == 0 || (unknown <= units + known && above.iter().any(are_names)))
-}
-
-/// Units of quantities that a recording does not have.
-fn is_other_unit(cell: &str) -> bool {
-    const OTHERS: [&str; 22] = [
-        "A", "mA", "µA", "uA", "nA", "°C", "C", "K", "degC", "%", "%RH", "Hz", "kHz", "Pa", "kPa", "MPa", "-", "1",
-        "W", "bar", "Nm", "g",
-    ];
-    OTHERS.contains(&cell)
 }

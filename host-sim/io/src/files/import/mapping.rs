@@ -152,6 +152,9 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices, times: Or
     Ok(chosen)
 }
 
+/// Units of electric fields.
+const FIELDS: [&str; 6] = ["V/m", "V/µm", "V/um", "V/mm", "V/mil", "V/cm"];
+
 /// Most columns that an error lists.
 const MAX_SHOWN: usize = 8;
 
@@ -268,6 +271,9 @@ impl Titles<'_> {
         if candidates.is_empty() {
             return Ok(None);
         }
+        // The one that is meant, where its unit is rare or in a wrong encoding.
+        candidates.extend(named.iter().filter(|k| self.senses[**k].unit == UnitSense::Unread));
+        candidates.sort_unstable();
         // A command has a name of its own: no other column is taken for one.
         if quantity != Quantity::Command {
             candidates.extend(self.of_unit(quantity, taken, true).into_iter().filter(|k| !named.contains(k)));
@@ -402,7 +408,14 @@ impl Titles<'_> {
             return Ok(());
         }
         let is_free = |k: &usize| self.senses[*k].named.is_none() && chosen.iter().all(|column| column.index != *k);
-        match (0..self.titles.len()).filter(is_free).find(|k| self.has_unit(Quantity::Voltage, *k)) {
+        let is_field = |k: &usize| FIELDS.iter().any(|unit| self.shown(*k).contains(unit));
+        match (0..self.titles.len()).filter(is_free).find(|k| self.has_unit(Quantity::Voltage, *k) || is_field(k)) {
+            Some(index) if is_field(&index) => Err(format!(
+                "column {} is an electric field, which drives the film: `columns` voltage={}:V*NUMBER with the thickness of the film in \
+                 the unit of the field, or voltage=none if the force drives the film",
+                self.shown(index),
+                index + 1
+            )),
             Some(index) => Err(format!(
                 "column {} may be the voltage, which drives the film, or the output of a sensor: {} (with a factor such as *1000 for \
                  the monitor of an amplifier), or `columns` voltage=none if the force drives the film",

@@ -2,8 +2,8 @@
 
 use super::units::{self, Unit};
 use super::words::{
-    DEGREES, DERIVED, DRIVEN, ELSEWHERE, LETTERS, NO_TIMES, OF_TWO_VOLTAGES, ORDERED, OTHER_UNITS, OTHER_WORDS, SIZES,
-    STEPS, TEMPERATURES, WORDS,
+    DEGREES, DERIVED, DRIVEN, ELSEWHERE, FACTORS, LETTERS, NO_TIMES, OF_TWO_VOLTAGES, ORDERED, OTHER_UNITS,
+    OTHER_WORDS, SIZES, STEPS, TEMPERATURES, WORDS,
 };
 use super::{Quantity, Request};
 
@@ -14,6 +14,8 @@ pub struct Title {
     pub name: String,
     /// Its cell in a row of units below the header.
     pub unit: Option<String>,
+    /// The group that a row above the header has for it, such as set points.
+    pub group: String,
     /// Whether its cells are times of day.
     pub clock: bool,
     /// Whether its cells are neither that nor numbers.
@@ -46,8 +48,10 @@ pub enum UnitSense {
     Missing,
     /// One unit in the name and another in the row of units.
     Conflict,
-    /// Another unit, or several.
+    /// A unit of something else, or several.
     Other,
+    /// A text that is no unit here: a rare unit, one in a wrong encoding, or a remark.
+    Unread,
     /// A capital M before V or N.
     MilliOrMega,
 }
@@ -140,8 +144,18 @@ fn is_factor(word: &str) -> bool {
     number.is_some_and(|number| number.parse::<u32>().is_ok_and(|number| number > 1))
 }
 
-/// Whether `name` has a factor or a power in it: x10, x 10, ×1000, 2*, /100, ^2 or 1000:1.
+/// Whether `name` has a factor or a power in it: x10, x 10, ×1000, 2*, /100, ^2, 1000:1, 1 V = 5 mm, % of 5 mm, tenths of mm or 10fach.
 fn is_scaled(name: &str) -> bool {
+    let begins_in_number = |word: &str| word.starts_with(|c: char| c.is_ascii_digit());
+    let words = words(name);
+    let is_multiple = |word: &String| {
+        FACTORS.split(' ').any(|factor| factor == word)
+            || (begins_in_number(word) && (word.ends_with("fach") || word.ends_with("fold")))
+    };
+    let is_times = |pair: &[String]| matches!(pair[0].as_str(), "times" | "mal" | "fois") && begins_in_number(&pair[1]);
+    if name.contains(['=', '%', '÷', '≙']) || words.iter().any(is_multiple) || words.windows(2).any(is_times) {
+        return true;
+    }
     let number = |text: &str| text.parse::<f64>().ok().filter(|_| text.len() > 1 && text != "1.0");
     let is_other = |text: &str| text.parse::<f64>().is_ok_and(|number| number != 1.0);
     let parts: Vec<&str> =
@@ -203,7 +217,7 @@ impl Title {
         let unit = match below.map(|text| (unit_cell(text, capitals), own)) {
             None => own,
             Some((UnitSense::Known(below), UnitSense::Known(own))) if below != own => UnitSense::Conflict,
-            Some((below, UnitSense::Missing | UnitSense::Other)) => below,
+            Some((below, UnitSense::Missing | UnitSense::Other | UnitSense::Unread)) => below,
             Some((_, own)) => own,
         };
         let known = if let UnitSense::Known(unit) = unit { Some(unit) } else { None };
@@ -212,7 +226,7 @@ impl Title {
         Sense {
             named,
             unit: if is_clock { UnitSense::Clock } else { unit },
-            doubt: Doubt::about(&self.name, &base, named, request),
+            doubt: Doubt::about(&format!("{} {}", self.group, self.name), &base, named, request),
             of_amplifier: named.is_none() && is_of_amplifier(&base),
         }
     }
@@ -278,7 +292,20 @@ fn sense_of(text: &str, capitals: bool) -> UnitSense {
         units::Read::MilliOrMega => UnitSense::MilliOrMega,
         // A number without a unit.
         units::Read::Other if matches!(text.trim(), "-" | "1") => UnitSense::Missing,
-        units::Read::Other => UnitSense::Other,
+        units::Read::Other if is_other_unit(text.trim()) => UnitSense::Other,
+        units::Read::Other => UnitSense::Unread,
+    }
+}
+
+/// Whether `text` is a unit of a quantity that a recording does not have.
+pub(super) fn is_other_unit(text: &str) -> bool {
+    OTHER_UNITS.split(' ').any(|unit| unit == text.to_lowercase())
+}
+
+impl UnitSense {
+    /// Whether there is a text that is no unit of a recording's quantities.
+    pub(super) fn is_nothing(self) -> bool {
+        matches!(self, Self::Other | Self::Unread)
     }
 }
 
@@ -286,7 +313,7 @@ fn sense_of(text: &str, capitals: bool) -> UnitSense {
 fn split(title: &str, request: &Request<'_>, capitals: bool) -> (String, UnitSense) {
     let (outside, inside) = without_brackets(title);
     let mut known: Vec<UnitSense> =
-        inside.iter().map(|text| sense_of(text, capitals)).filter(|sense| *sense != UnitSense::Other).collect();
+        inside.iter().map(|text| sense_of(text, capitals)).filter(|sense| !sense.is_nothing()).collect();
     known.dedup();
     match known.as_slice() {
         [unit] => return (outside, *unit),
@@ -314,8 +341,8 @@ fn split(title: &str, request: &Request<'_>, capitals: bool) -> (String, UnitSen
                 }
                 _ => true,
             };
-            if !matches!(sense, UnitSense::Other | UnitSense::Missing) && !name.trim().is_empty() && fits {
-                return (name.into(), if ends_in_factor(name) { UnitSense::Other } else { sense });
+            if !sense.is_nothing() && sense != UnitSense::Missing && !name.trim().is_empty() && fits {
+                return (name.into(), if ends_in_factor(name, sense) { UnitSense::Other } else { sense });
             }
         }
     }
@@ -324,7 +351,17 @@ fn split(title: &str, request: &Request<'_>, capitals: bool) -> (String, UnitSen
         return (String::new(), sense);
     }
     // Text in brackets is a unit that recordings do not have, such as (°C) or (Hz): no remark holds it back.
-    (outside, if inside.is_empty() { UnitSense::Missing } else { UnitSense::Other })
+    let unread = inside.iter().any(|text| sense_of(text, capitals) == UnitSense::Unread);
+    (
+        outside,
+        if inside.is_empty() {
+            UnitSense::Missing
+        } else if unread {
+            UnitSense::Unread
+        } else {
+            UnitSense::Other
+        },
+    )
 }
 
 /// Whether `unit` behind `name` and `separator` is the last part of another unit, as in `E kV/mm`, `Torque N m` and `Counts/mm`; the
@@ -335,7 +372,7 @@ fn is_compound(name: &str, separator: &str, unit: Unit) -> bool {
         units::Read::Unit(first) => first.quantity != Quantity::Time && letter_quantity(last) != Some(unit.quantity),
         _ => false,
     };
-    is_unit || (separator == "/" && OTHER_UNITS.split(' ').any(|other| other == last.to_lowercase()))
+    is_unit || (separator == "/" && is_other_unit(last))
 }
 
 /// Whether `name` has a word such as t, t2 or time1.
@@ -343,12 +380,15 @@ fn is_numbered_time(name: &str) -> bool {
     words(name).iter().any(|word| matches!(word.trim_end_matches(|c: char| c.is_ascii_digit()), "t" | "time" | "zeit"))
 }
 
-/// Whether the unit behind `name` is counted by a number: in `HV in 100 V` and `Weg 1/100 mm`, but not in `Laser 2 mm`.
-fn ends_in_factor(name: &str) -> bool {
+/// Whether the `unit` behind `name` is counted by a number: in `HV in 100 V`, `Weg 1/100 mm` and `Time 5 ms`, but not in `Laser 2 mm`.
+fn ends_in_factor(name: &str, unit: UnitSense) -> bool {
     let mut words = name.split([' ', '_']).filter(|word| !word.is_empty()).rev();
     let last = words.next().unwrap_or_default();
-    let is_number = last.contains(|c: char| c.is_ascii_digit()) && !last.contains(|c: char| c.is_alphabetic());
-    is_number && (last.chars().count() > 1 || words.next().is_some_and(|word| matches!(word, "in" | "à")))
+    let has_letters = last.contains(|c: char| c.is_alphabetic()) && last.parse::<f64>().is_err();
+    let is_number = last.contains(|c: char| c.is_ascii_digit()) && !has_letters;
+    let is_time = matches!(unit, UnitSense::Known(unit) if unit.quantity == Quantity::Time);
+    let counts = |word: &str| matches!(word, "in" | "à" | "of" | "von" | "de");
+    is_number && (is_time || last.chars().count() > 1 || words.next().is_some_and(counts))
 }
 
 /// Text outside of brackets, and inside of each pair.

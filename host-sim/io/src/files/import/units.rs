@@ -22,43 +22,52 @@ const fn unit(quantity: Quantity, name: &'static str, factor: f64) -> Unit {
 const UNITS: &[(Unit, &[&str], &[&str])] = &[
     (
         unit(Quantity::Time, "s", 1.0),
-        &["s", "秒"],
+        &["s", "秒", "с", "сек"],
         &["sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden", "secondes", "segundos"],
     ),
-    (unit(Quantity::Time, "ms", 1e-3), &["ms", "毫秒"], &["msec", "millisecond", "milliseconds", "millisekunden"]),
-    (unit(Quantity::Time, "µs", 1e-6), &["µs", "us"], &["usec", "microsecond", "microseconds", "mikrosekunden"]),
+    (
+        unit(Quantity::Time, "ms", 1e-3),
+        &["ms", "毫秒", "мс", "㎳"],
+        &["msec", "millisecond", "milliseconds", "millisekunden"],
+    ),
+    (
+        unit(Quantity::Time, "µs", 1e-6),
+        &["µs", "us", "мкс", "㎲"],
+        &["usec", "microsecond", "microseconds", "mikrosekunden"],
+    ),
     (unit(Quantity::Time, "ns", 1e-9), &["ns"], &["nsec", "nanosecond", "nanoseconds"]),
-    (unit(Quantity::Time, "min", 60.0), &["min", "mins", "分"], &["minute", "minutes", "minuten"]),
+    (unit(Quantity::Time, "min", 60.0), &["min", "mins", "分", "мин"], &["minute", "minutes", "minuten"]),
     (unit(Quantity::Time, "h", 3600.0), &["h", "hr", "hrs"], &["hour", "hours", "stunden"]),
     (unit(Quantity::Time, "d", 86400.0), &[], &["days", "tage"]),
-    (unit(Quantity::Voltage, "V", 1.0), &["V", "v", "伏"], &["volt", "volts"]),
-    (unit(Quantity::Voltage, "kV", 1e3), &["kV", "kv", "KV", "千伏"], &["kilovolt", "kilovolts"]),
-    (unit(Quantity::Voltage, "mV", 1e-3), &["mV"], &["millivolt", "millivolts"]),
-    (unit(Quantity::Force, "N", 1.0), &["N", "牛"], &["newton", "newtons"]),
+    (unit(Quantity::Voltage, "V", 1.0), &["V", "v", "伏", "В"], &["volt", "volts"]),
+    (unit(Quantity::Voltage, "kV", 1e3), &["kV", "kv", "KV", "千伏", "кВ", "㎸"], &["kilovolt", "kilovolts"]),
+    (unit(Quantity::Voltage, "mV", 1e-3), &["mV", "мВ", "㎷"], &["millivolt", "millivolts"]),
+    (unit(Quantity::Force, "N", 1.0), &["N", "牛", "Н"], &["newton", "newtons"]),
     (unit(Quantity::Force, "kN", 1e3), &["kN"], &["kilonewton", "kilonewtons"]),
-    (unit(Quantity::Force, "mN", 1e-3), &["mN"], &["millinewton", "millinewtons"]),
+    (unit(Quantity::Force, "mN", 1e-3), &["mN", "мН"], &["millinewton", "millinewtons"]),
     (unit(Quantity::Force, "µN", 1e-6), &["µN", "uN"], &["micronewton", "micronewtons"]),
     (unit(Quantity::Force, "gf", 9.80665e-3), &["gf"], &["gram-force"]),
     (unit(Quantity::Force, "kgf", 9.80665), &["kgf"], &["kilogram-force"]),
     (unit(Quantity::Force, "lbf", 4.448_221_615_260_5), &["lbf"], &["pound-force"]),
-    (unit(Quantity::Displacement, "m", 1.0), &["m", "米"], &["meter", "meters", "metre", "metres"]),
+    (unit(Quantity::Displacement, "m", 1.0), &["m", "米", "м"], &["meter", "meters", "metre", "metres"]),
     (
         unit(Quantity::Displacement, "cm", 1e-2),
-        &["cm", "厘米"],
+        &["cm", "厘米", "см", "㎝"],
         &["centimeter", "centimetre", "centimeters", "centimetres"],
     ),
     (
         unit(Quantity::Displacement, "mm", 1e-3),
-        &["mm", "MM", "毫米"],
+        &["mm", "MM", "毫米", "мм", "㎜"],
         &["millimeter", "millimeters", "millimetre", "millimetres"],
     ),
     (
         unit(Quantity::Displacement, "µm", 1e-6),
-        &["µm", "um", "微米"],
+        &["µm", "um", "微米", "мкм", "㎛"],
         &["micron", "microns", "micrometer", "micrometers", "micrometre", "micrometres"],
     ),
     (unit(Quantity::Displacement, "nm", 1e-9), &["nm"], &["nanometer", "nanometers", "nanometre", "nanometres"]),
     (unit(Quantity::Displacement, "in", 25.4e-3), &["in"], &["inch", "inches"]),
+    (unit(Quantity::Displacement, "mil", 25.4e-6), &["mil", "mils", "thou"], &[]),
     (unit(Quantity::Stress, "Pa", 1.0), &["Pa"], &["pascal"]),
     (unit(Quantity::Stress, "kPa", 1e3), &["kPa"], &["kilopascal"]),
     (unit(Quantity::Stress, "MPa", 1e6), &["MPa", "N/mm²", "N/mm2"], &["megapascal"]),
@@ -86,6 +95,9 @@ pub fn is_behind_number(cell: &str) -> bool {
 pub fn read(text: &str, capitals: bool) -> Read {
     // The Greek letter and the sign of the micro prefix look the same.
     let text = text.trim().trim_end_matches('.').replace('\u{3bc}', "µ");
+    // A voltage that does not alternate.
+    let direct = ["DC", "dc"].iter().find_map(|end| text.strip_suffix(end)).map(str::trim_end);
+    let text = direct.filter(|volts| volts.to_lowercase().contains('v')).map_or(text.clone(), str::to_owned);
     let lower = text.to_lowercase();
     let found = |is: &dyn Fn(&str) -> bool| {
         UNITS.iter().find(|(_, symbols, words)| symbols.iter().any(|s| is(s)) || words.contains(&lower.as_str()))

@@ -4,15 +4,20 @@ use super::Quantity;
 
 /// Words that name a quantity anywhere in a title.
 pub(super) const WORDS: &[(Quantity, &str)] = &[
-    (Quantity::Time, "time zeit prüfzeit messzeit temps tiempo tempo elapsed timestamp 时间 時間"),
+    (
+        Quantity::Time,
+        "time zeit prüfzeit messzeit temps tiempo tempo tijd tid czas čas idő zaman время elapsed timestamp 时间 時間",
+    ),
     (
         Quantity::Voltage,
-        "voltage volts hv highvoltage spannung hochspannung tension voltaje tensione 电压 電壓 高压 電圧 vmon umon",
+        "voltage volts hv hvps highvoltage potential potenzial potentiel spannung hochspannung tension tensión voltaje tensione tensão spanning \
+    spänning spænding napięcie napětí feszültség gerilim напряжение 电压 電壓 高压 電圧 vmon umon",
     ),
     (Quantity::Force, "force load loadcell kraft standardkraft prüfkraft zugkraft fuerza forza 力 载荷"),
     (
         Quantity::Displacement,
         "displacement stroke laser extension elongation deflection travel position weg standardweg traversenweg hub auslenkung verschiebung \
+    posición posizione posição poloha pozycja konum läge uitwijking verplaatsing przemieszczenie elmozdulás перемещение положение \
     deplacement déplacement desplazamiento spostamento 位移 変位",
     ),
 ];
@@ -35,9 +40,13 @@ pub(super) const TEMPERATURES: &str =
     "temperature temp temperatur température temperatura thermocouple pt100 ntc 温度 溫度 気温 室温";
 pub(super) const DEGREES: &str = "°C ℃ °F ℉ degC degF";
 
-/// Units and counts that are in front of a slash and the unit that they are divided by.
-pub(super) const OTHER_UNITS: &str =
-    "count counts cts digit digits pulse pulses step steps px pixel pixels cycles % ° °c k g kg a ma µa hz rad deg";
+/// Units and counts of quantities that recordings do not have; also in front of a slash and the unit that they are divided by.
+pub(super) const OTHER_UNITS: &str = "count counts cts digit digits pulse pulses step steps px pixel pixels cycles % %rh ° °c c degc ℃ °f k g kg a ma µa ua na \
+    hz khz rad deg w bar mbar nm n·m ohm ω kω mω f pf nf c nc pc lx db";
+
+/// Words of a factor.
+pub(super) const FACTORS: &str = "tenth tenths hundredth hundredths hundred hundreds thousand thousands zehntel hundertstel tausendstel dixième \
+    dixièmes centième centièmes décima décimas fold fach";
 
 /// Letters that name a quantity where they are all of a name.
 pub(super) const LETTERS: &[(Quantity, &str)] = &[
@@ -52,7 +61,8 @@ pub(super) const ORDERED: &str = "target tgt referenc référenc referenz ref ri
     prog stage command cmd desired wanted request preset nominal goal ideal ceiling ovp ctrl ao xd des desir \
     planned trajectory profile control compliance trip threshold alarm interlock breakdown generator dac motor \
     soll sollwert vorgab grenz führungs wunsch ziel nenn stell consign cible objetivo desead impost obiettivo \
-    richiest desiderat doel gewenst börvärd zadan 设定 設定 目标 目標 给定 指令 指定";
+    richiest desiderat doel gewenst börvärd zadan žádan inställ ingesteld nastaw előírt \
+    ajustad hedef задан referênc 设定 設定 目标 目標 给定 指令 指定";
 /// Parts of words for what was computed.
 pub(super) const DERIVED: &str = "rms eff effekti efficac eficaz filter filtr smooth geglätt lissé lowpass tiefpass max maxim máxim min minim \
     mínim peak pk pp pkpk ptp spitze crête average avg mean median mittel moyen medio media promedio std sd \
@@ -70,6 +80,6 @@ pub(super) const NO_TIMES: &str = "delta diff last squared sqrt log log10 jitter
 pub(super) const SIZES: &str = "thickness width length diameter radius gap prestretch standoff x0 l0 wavelength dicke breite länge épaisseur largeur longueur 厚";
 /// Parts of words for voltages of the mains, of supplies, of sensors, of switches and of what controls an amplifier, and for currents.
 pub(super) const ELSEWHERE: &str = "mains line grid netz secteur netspanning rete battery batterie batterij batería heater heating heiz pump \
-    cooler peltier aux auxiliary logic gate bridge shunt thermocouple photodiode sensor gauge pot input vin uin \
+    cooler peltier piezo aux auxiliary logic gate bridge shunt thermocouple photodiode sensor gauge pot input vin uin \
     eingang entrée entrada ingresso steuer ai adc cc dd bus usb ups psu 5v 12v 24v enable disable status state \
     switch relay current strom courant corrente corriente 电流 電流 市电 電源 电源 控制 输入";

@@ -1,0 +1,119 @@
+//! Two columns of one kind, factors in titles, and set points: each is a question where it is not certain.
+
+use crate::lab_files::{Folder, Sample, difference, has, rows};
+
+/// The cells that a column has in such a file.
+type Cells = fn(&Sample) -> f64;
+
+/// A file of time, voltage, laser, and a further column, which may have a row above the names.
+fn file(names: [&str; 4], above: &str, cells: [Cells; 3]) -> String {
+    let [time, voltage, laser, further] = names;
+    let numbers = rows(";", '.', |s| vec![s.time_s, cells[0](s), cells[1](s), cells[2](s)]);
+    format!("{above}{time};{voltage};{laser};{further}\n{numbers}")
+}
+
+const VOLTS: Cells = |s| 1e3 * s.voltage_kv;
+const KILOVOLTS: Cells = |s| s.voltage_kv;
+const MM: Cells = |s| s.laser_mm;
+const UM: Cells = |s| 1e3 * s.laser_mm;
+const ELSEWHERE: Cells = |s| 7.0 + 0.1 * s.laser_mm;
+
+/// A unit in a wrong encoding, or one that is not known, leaves its column a rival of others.
+#[test]
+fn a_column_whose_unit_cannot_be_read_is_a_rival() {
+    let folder = Folder::new();
+    for unit in ["\u{fffd}m", "Âµm", "lines", "0.001 mm?"] {
+        let text =
+            file(["Time (s)", "HV (V)", &format!("Laser ({unit})"), "Position (mm)"], "", [VOLTS, UM, ELSEWHERE]);
+        has(&folder.refused(&text, ""), &["2 columns may be the displacement", "displacement=3", "displacement=4"]);
+        assert_eq!(difference(&folder.read(&text, "displacement=3*1e-6").expect("answered")), None, "{unit}");
+    }
+    // Units that are known, also of something else, are none.
+    for (laser, cells) in [("Laser (㎛)", UM), ("Laser (мкм)", UM), ("Laser (㎜)", MM)] {
+        let text = file(["Time (s)", "HV (V)", laser, "Laser (°C)"], "", [VOLTS, cells, ELSEWHERE]);
+        assert_eq!(difference(&folder.read(&text, "").expect("read")), None, "{laser}");
+    }
+    for (name, cells) in [
+        ("HV (kVDC)", KILOVOLTS),
+        ("Potential (kV DC)", KILOVOLTS),
+        ("Напряжение (кВ)", KILOVOLTS),
+        ("CH1 HV (V DC)", VOLTS),
+    ] {
+        let text = file(["Time (s)", name, "Laser (mm)", "Force (N)"], "", [cells, MM, ELSEWHERE]);
+        assert_eq!(difference(&folder.read(&text, "").expect("read")), None, "{name}");
+    }
+    let field =
+        file(["Time (s)", "Field (V/µm)", "Laser (mm)", "Force (N)"], "", [|s| 10.0 * s.voltage_kv, MM, ELSEWHERE]);
+    has(&folder.refused(&field, ""), &["electric field", "voltage=2:V*NUMBER", "voltage=none"]);
+    assert_eq!(difference(&folder.read(&field, "voltage=2:V*100").expect("answered")), None);
+}
+
+/// A factor in a title, in any form, is a question; a number of a channel is none.
+#[test]
+fn factors_in_titles_are_a_question() {
+    let folder = Folder::new();
+    for (voltage, laser) in [
+        ("HV 1 V = 2 kV", "Laser (mm)"),
+        ("HV % of 6 kV", "Laser (mm)"),
+        ("HV ÷ 10 (kV)", "Laser (mm)"),
+        ("HV hundred V", "Laser (mm)"),
+        ("HV (V)", "Laser 10 V = 5 mm"),
+        ("HV (V)", "Laser %FS 5 mm"),
+        ("HV (V)", "Displacement in steps of 5 µm"),
+        ("HV (V)", "Weg in Schritten von 5 µm"),
+        ("HV (V)", "Displacement tenths of mm"),
+        ("HV (V)", "Weg Zehntel mm"),
+        ("HV (V)", "Weg 10fach (mm)"),
+        ("HV (V)", "Laser, 10-fold (mm)"),
+        ("HV (V)", "Laser times 10 (mm)"),
+    ] {
+        let text = file(["Time (s)", voltage, laser, "T (°C)"], "", [VOLTS, MM, ELSEWHERE]);
+        let error = folder.refused(&text, "");
+        has(&error, &[if voltage == "HV (V)" { laser } else { voltage }, "`columns`"]);
+    }
+    for time in ["Time 5 ms", "Time 1e-3 s", "Time in steps of 5 ms"] {
+        let text = file([time, "HV (V)", "Laser (mm)", "T (°C)"], "", [VOLTS, MM, ELSEWHERE]);
+        has(&folder.refused(&text, ""), &[time, "`columns` time=1"]);
+    }
+    for (time, laser) in [("Time (s)", "Laser 2 mm"), ("t2 (s)", "Laser CH2 (mm)"), ("Time (s)", "Laser 2 (mm)")] {
+        let text = file([time, "HV (V)", laser, "T (°C)"], "", [VOLTS, MM, ELSEWHERE]);
+        assert_eq!(difference(&folder.read(&text, "").expect("read")), None, "{time} {laser}");
+    }
+}
+
+/// What was asked for is not what was measured, in every language and also where a row above the names says it.
+#[test]
+fn set_points_are_a_question() {
+    let folder = Folder::new();
+    let order = |s: &Sample| if s.laser_mm > 0.5 { 3.0 } else { 0.0 };
+    for (set, measured) in [
+        ("Spanning ingesteld (kV)", "Spanning gemeten (V)"),
+        ("Spänning inställd (kV)", "Spänning uppmätt (V)"),
+        ("Nastawa (kV)", "Napięcie zmierzone (V)"),
+        ("Напряжение заданное (kV)", "Напряжение (V)"),
+        ("Előírt feszültség (kV)", "Mért feszültség (V)"),
+        ("Tensión ajustada (kV)", "Tensión medida (V)"),
+    ] {
+        let text = file(["t (s)", measured, "Laser (mm)", set], "", [VOLTS, MM, order]);
+        assert_eq!(difference(&folder.read(&text, "voltage=2").expect("answered")), None);
+        match folder.read(&text, "") {
+            Ok(recording) => assert_eq!(difference(&recording), None, "{set}"),
+            Err(error) => has(&error.to_string(), &["voltage=2"]),
+        }
+    }
+    for name in ["Posição de referência (mm)", "Hedef konum (mm)", "Žádaná poloha (mm)"] {
+        let text = file(["t (s)", "U (kV)", "Laser (V)", name], "", [KILOVOLTS, |s| 2.0 * s.laser_mm, order]);
+        has(&folder.refused(&text, ""), &[name, "asked for"]);
+    }
+    let text = file(
+        ["Time (s)", "HV (V)", "Laser (V)", "Position (mm)"],
+        ";Amplifier;Measured;Setpoint\n",
+        [VOLTS, MM, order],
+    );
+    has(&folder.refused(&text, ""), &["Position", "asked for"]);
+    let sound =
+        file(["Time (s)", "HV (V)", "Laser (mm)", "T (°C)"], ";Amplifier;Measured;Room\n", [VOLTS, MM, ELSEWHERE]);
+    assert_eq!(difference(&folder.read(&sound, "").expect("read")), None);
+    let piezo = file(["Time (s)", "HVPS (V)", "Laser (mm)", "Piezo voltage (V)"], "", [VOLTS, MM, ELSEWHERE]);
+    has(&folder.refused(&piezo, ""), &["2 columns may be the voltage"]);
+}
