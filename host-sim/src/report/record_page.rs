@@ -6,6 +6,7 @@ use maud::{Markup, html};
 
 use super::chart;
 use super::figure::{Colour, Figure, Line, Panel};
+use super::fit_page::warnings;
 use super::numbers::{Document, Form, Numbers};
 use super::origin;
 use super::page::{Page, Row, Section, table, text};
@@ -28,6 +29,9 @@ pub fn html(report: &Report, entries: &BTreeMap<&str, &str>, made: &Origin, docu
         sections.push(Section::new("findings", "What is wrong", findings(report)));
     }
     sections.push(Section::new("figures", "Figures", figures(&numbers)));
+    if let Some(fit) = report.fit.as_ref().filter(|fit| !fit.warnings.is_empty()) {
+        sections.push(Section::new("warnings", "Warnings of the fit", warnings::list(&fit.warnings, true)));
+    }
     if report.ramp.is_some() {
         sections.push(Section::new("ramp", "Ramp", ramp(&numbers)));
     }

@@ -67,10 +67,10 @@ class Board(Program):
 
 
 class Bench(Program):
-    """The tool at a board."""
+    """The tool at a board, which `options` name."""
 
-    def __init__(self, tool, board, folder):
-        command = [tool, "bench", "--port", board.port, "--params", "preset:table3-n2", "--bench", "--out", folder, "-q"]
+    def __init__(self, tool, options, folder):
+        command = [tool, "bench", *options, "--params", "preset:table3-n2", "--out", folder, "-q"]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         self.address = self.process.stdout.readline().strip()
 
@@ -244,7 +244,7 @@ def clicks(page, board, count):
 def main(program, tool, board, pictures, count="0"):
     pictures = pathlib.Path(pictures)
     pictures.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder, Board(board) as board, Bench(tool, board, folder) as bench:
+    with tempfile.TemporaryDirectory() as folder, Board(board) as board, Bench(tool, ["--port", board.port, "--bench"], folder) as bench:
         with Browser(program) as browser:
             page = browser.page(bench.address)
             page.size(1280, 960)

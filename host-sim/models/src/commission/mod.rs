@@ -313,7 +313,7 @@ impl Course<'_> {
             r2: fit.r2_mean,
             misfit_pct: recorded.map_or(f64::NAN, |recorded| 100.0 * recorded.misfit_m / stroke_m),
             bandwidth_hz: board.control.bandwidth_hz,
-            warnings: fit.warnings.iter().map(ToString::to_string).collect(),
+            warnings: fit.warnings.clone(),
         });
         let late_s = parameters.sensor_delay_s - f64::from(board.control.delay_s);
         if late_s > diagnosis::MAX_LAG_S {

@@ -10,6 +10,7 @@ use super::diagnosis::{Cause, Finding};
 use super::plan::{Plan, Step};
 use super::ramp::{self, Limits};
 use super::verification::{MIN_SEGMENTS, Quality};
+use crate::fit::Warning;
 
 /// Share by which monitor and command may differ where voltages that are commanded in advance miss.
 const MONITOR_ERROR: f64 = 0.005;
@@ -88,8 +89,8 @@ pub struct FitRow {
     pub misfit_pct: f64,
     /// Bandwidth of the observer, Hz: as the board states it, or less where the model's resonance is near.
     pub bandwidth_hz: f32,
-    /// Its warnings.
-    pub warnings: Vec<String>,
+    /// Its warnings, the most severe first.
+    pub warnings: Vec<Warning>,
 }
 
 impl Report {

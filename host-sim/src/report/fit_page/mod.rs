@@ -6,7 +6,7 @@ mod model;
 mod origin;
 mod parameters;
 mod recording;
-mod warnings;
+pub(super) mod warnings;
 
 use maud::html;
 

@@ -19,6 +19,11 @@ struct Date {
 }
 
 impl Stamp {
+    /// Seconds since midnight.
+    pub fn of_day_s(&self) -> f64 {
+        self.of_day_s
+    }
+
     /// Whether it is a whole second.
     pub fn is_whole(&self) -> bool {
         self.of_day_s.fract() == 0.0

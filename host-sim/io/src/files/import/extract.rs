@@ -16,8 +16,8 @@ use super::source::{Source, Value, si};
 use super::text::{Dialect, TextTable};
 use super::times::{Origin, Times};
 use super::{
-    Hints, Quantity, Request, channels, encoding, fractions, kind, mat, mat_hdf5, names, other_times, rates, reshaped,
-    workbook,
+    Hints, Quantity, Request, beginnings, channels, encoding, fractions, kind, mat, mat_hdf5, names, other_times,
+    rates, reshaped, workbook,
 };
 use crate::error::{Error, Result, shown};
 use crate::files::table::Column;
@@ -366,6 +366,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     if let (Some(column), Some(unit)) = (without_unit, unit) {
         (column.unit, column.factor) = (unit.name.into(), unit.factor);
     }
+    beginnings::refuse(source, &chosen, titles.len(), &clock_s).map_err(|(line, cause)| at(path, line, cause))?;
     let columns = chosen.iter().map(|column| column.quantity).zip(columns);
     let columns = columns.filter(|(quantity, column)| *quantity != Quantity::Time && column.has_values()).collect();
     let head = source.head();
@@ -403,8 +404,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     notes.extend(other_times::remarks(source, &chosen, &titles));
     notes.extend(rates::remarks(source, &chosen, &titles, &series.clock_s));
     if hints.rate_hz.is_some() && hints.choices.get(Quantity::Time).is_none() {
-        let is_unused = |index: &usize| names::is_time(&titles[*index].name);
-        let unused = (0..titles.len()).filter(is_ignored).find(is_unused);
+        let unused = (0..titles.len()).filter(is_ignored).find(|index| names::is_time(&titles[*index].name));
         notes.extend(unused.map(|index| {
             format!("the times in {:?} are not used: the rate of the rows is stated with `rate_hz`", titles[index].name)
         }));

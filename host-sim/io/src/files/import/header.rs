@@ -1,5 +1,6 @@
 //! The header above rows of numbers: preamble, names, units.
 
+use super::beginnings::Beginnings;
 use super::interval::{self, Stated};
 use super::names::{Title, UnitSense, unit_cell};
 use super::numbers::{self, Cell, Decimal};
@@ -26,6 +27,8 @@ pub struct Head {
     pub preamble: usize,
     /// Interval of the rows that the preamble states.
     pub interval: Option<Stated>,
+    /// Times at which channels begin.
+    pub beginnings: Vec<Beginnings>,
     /// Line of a row between names and numbers that has gains or the like, which are not applied.
     pub gains: Option<u64>,
 }

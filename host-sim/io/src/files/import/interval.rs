@@ -3,6 +3,7 @@
 //! Every line that may concern it counts: a rate of the sensor, an averaging or a step of the drive beside it is a question.
 
 use super::Quantity;
+use super::beside::{self, Beside};
 use super::names::{UnitSense, unit_cell};
 use super::numbers::{self, Decimal};
 use super::units::Unit;
@@ -22,8 +23,11 @@ const RATES: &str = "samplerate, sample rate, sampling rate, sampling frequency,
 const OTHERS: &str = "time step, increment, step time, logging rate, logging interval, log rate, log interval, recording rate, \
     recording interval, storage rate, storage interval, save rate, save interval, output rate, output interval, messrate, \
     messintervall, speicherrate, speicherintervall";
-/// Parts of names of a number of samples that are one row.
-const EVERY: &str = "decimat downsampl undersampl oversampl averag every dezim mittel moyenn";
+/// What brackets behind a name say of a rate of all rows of a channel, and of a sum over channels.
+const PER_CHANNEL: &str = "per channel, each channel, per chan, pro kanal, je kanal, rows, zeilen";
+const IN_TOTAL: &str = "total, all, aggregate, sum, gesamt, summe, alle";
+/// Names of the number of channels.
+const CHANNELS: &str = "channels, number of channels, channel count, active channels, kanäle, anzahl kanäle, kanalzahl";
 /// Units of such a number.
 const COUNTS: &str = "x × times time samples sample points scans cycles rows lines values mal fach werte zeilen";
 /// Names of the unit of the intervals that have none.
@@ -35,10 +39,10 @@ enum Key {
     Interval,
     Rate,
     Other,
-    Every,
 }
 
-fn is_one_of(names: &str, name: &str) -> bool {
+/// Whether `names`, with commas between them, have `name`.
+pub(super) fn is_one_of(names: &str, name: &str) -> bool {
     names.split(", ").any(|known| known == name)
 }
 
@@ -52,12 +56,12 @@ fn key(name: &str) -> Option<Key> {
     } else if is_one_of(OTHERS, name) || [INTERVALS, RATES].iter().any(|names| names.split(", ").any(ends_in)) {
         Some(Key::Other)
     } else {
-        EVERY.split(' ').any(|part| name.contains(part)).then_some(Key::Every)
+        None
     }
 }
 
 /// The name in the first cell of a row, as the lists above have it, and the text behind it: `Sample_rate (Hz): 8`, `dt = 5 ms`, `Rate 8 Hz`.
-fn name_and_rest(cell: &str) -> (String, &str) {
+pub(super) fn name_and_rest(cell: &str) -> (String, &str) {
     let digit =
         cell.char_indices().skip(1).find(|(at, c)| c.is_ascii_digit() && cell[..*at].ends_with([' ', '\t', 'x']));
     let end = [cell.find([':', '=']), digit.map(|(at, _)| cell[..at].trim_end_matches('x').len())];
@@ -83,19 +87,43 @@ enum Meaning {
     Rows(f64),
     /// Interval that may be another, s.
     Other(f64),
-    /// Number of samples that are one row.
-    Every(f64),
+    /// What is said beside a stated interval.
+    Beside(Beside),
     /// Intervals that it may be, s, and why it is not one of them.
     Unclear(&'static str, Vec<f64>),
 }
 
-/// The interval that `rows`, their lines and cells, state in a file with this `decimal` sign, if it is known.
-pub fn stated(rows: &[(u64, &[String])], decimal: Option<Decimal>) -> Option<Stated> {
-    let unit = rows.iter().find_map(|(_, cells)| common_unit(cells));
-    let statements: Vec<Statement<'_>> = rows
-        .iter()
-        .filter_map(|&(line, cells)| Some(Statement { line, cells, meaning: meaning(cells, decimal, unit)? }))
+/// What the rows of a preamble say of an interval.
+fn statements<'a>(rows: &[(u64, &'a [String])], decimal: Option<Decimal>) -> Vec<Statement<'a>> {
+    let common = rows.iter().find_map(|(_, cells)| common_unit(cells));
+    let channels = rows.iter().find_map(|(_, cells)| channels(cells));
+    let mut device = String::new();
+    let mut named: Vec<(String, &'a [String])> = Vec::new();
+    for (_, cells) in rows {
+        device = beside::heading(cells).unwrap_or(device);
+        let name = cells.first().map(|cell| name_and_rest(cell).0).unwrap_or_default();
+        named.push((if device.is_empty() { name } else { format!("{device} {name}") }, cells));
+    }
+    let both = rows.iter().zip(&named);
+    let mut statements: Vec<Statement<'a>> = both
+        .filter_map(|(&(line, cells), (name, _))| {
+            let of_rows = || meaning(name, cells, decimal, common, channels);
+            let beside = || beside::meaning(name, cells, decimal).map(Meaning::Beside);
+            Some(Statement { line, cells, meaning: of_rows().or_else(beside)? })
+        })
         .collect();
+    if let Some((place, spans_s)) = beside::from_start_to_end(&named, decimal) {
+        let (line, cells) = rows[place];
+        statements.push(Statement { line, cells, meaning: Meaning::Beside(Beside::Spans(spans_s)) });
+    }
+    statements
+}
+
+/// The interval that `rows`, their lines and cells, state in a file with this `decimal` sign, if it is known. `count` counts the rows of
+/// numbers.
+pub fn stated(rows: &[(u64, &[String])], decimal: Option<Decimal>, count: impl Fn() -> usize) -> Option<Stated> {
+    let mut statements = statements(rows, decimal);
+    let first = statements.iter().find(|statement| !matches!(statement.meaning, Meaning::Beside(_)))?.line;
     let mut possible: Vec<f64> = Vec::new();
     let mut add = |interval_s: f64| {
         if interval_s.is_finite() && possible.iter().all(|other| (other / interval_s - 1.0).abs() > 0.01) {
@@ -106,27 +134,36 @@ pub fn stated(rows: &[(u64, &[String])], decimal: Option<Decimal>) -> Option<Sta
         match &statement.meaning {
             Meaning::Rows(interval_s) | Meaning::Other(interval_s) => add(*interval_s),
             Meaning::Unclear(_, intervals_s) => intervals_s.iter().for_each(|interval_s| add(*interval_s)),
-            Meaning::Every(_) => {}
+            Meaning::Beside(_) => {}
         }
     }
-    let is_every = |statement: &&Statement<'_>| matches!(statement.meaning, Meaning::Every(_));
-    let first = statements.iter().find(|statement| !is_every(statement))?;
-    let is_unclear = statements.iter().any(|s| matches!(s.meaning, Meaning::Unclear(..) | Meaning::Every(_)));
+    // What agrees with the stated interval leaves no doubt, and is shown once.
+    let mut has_one = false;
+    let of_rows = possible.first().copied();
+    let rows = if statements.len() > 1 { count() as f64 } else { 0.0 };
+    statements.retain(|statement| match (&statement.meaning, of_rows) {
+        (Meaning::Beside(beside), Some(of_rows)) => beside.contradicts(of_rows, rows),
+        (Meaning::Rows(interval_s), Some(of_rows)) if (interval_s / of_rows - 1.0).abs() <= 0.01 => {
+            !std::mem::replace(&mut has_one, true)
+        }
+        _ => true,
+    });
+    let is_unclear = statements.iter().any(|s| matches!(s.meaning, Meaning::Unclear(..) | Meaning::Beside(_)));
     let is_of_rows = statements.iter().any(|s| matches!(s.meaning, Meaning::Rows(_)));
     if let ([interval_s], true, false) = (possible.as_slice(), is_of_rows, is_unclear) {
         return Some(Ok(*interval_s));
     }
-    for count in
-        statements.iter().filter_map(|s| if let Meaning::Every(count) = s.meaning { Some(count) } else { None })
-    {
-        possible.extend(possible.clone().iter().map(|interval_s| interval_s * count));
+    for statement in &statements {
+        if let (Meaning::Beside(beside), Some(of_rows)) = (&statement.meaning, of_rows) {
+            possible.extend(beside.interval_s(of_rows, rows));
+        }
     }
     let shown: Vec<String> = statements.iter().take(3).map(Statement::shown).collect();
     let rates: Vec<String> =
         possible.iter().take(4).map(|interval_s| format!("`rate_hz` {}", rounded(1.0 / interval_s))).collect();
     let rates = if rates.is_empty() { "`rate_hz`".into() } else { rates.join(" or ") };
     let cause = format!("the rate of the rows is not certain from {}; import with {rates}", shown.join(" and "));
-    Some(Err(Box::new((first.line, cause))))
+    Some(Err(Box::new((first, cause))))
 }
 
 impl Statement<'_> {
@@ -140,7 +177,7 @@ impl Statement<'_> {
 }
 
 /// The unit that the row `cells` states for the intervals.
-fn common_unit(cells: &[String]) -> Option<Unit> {
+pub(super) fn common_unit(cells: &[String]) -> Option<Unit> {
     let (name, rest) = name_and_rest(cells.first()?);
     let unit = [rest].into_iter().chain(cells[1..].iter().map(|cell| cell.trim())).find(|cell| !cell.is_empty())?;
     if !is_one_of(UNITS, &name) {
@@ -150,7 +187,8 @@ fn common_unit(cells: &[String]) -> Option<Unit> {
     time_unit(if unit.eq_ignore_ascii_case("time") { "s" } else { unit })
 }
 
-fn time_unit(text: &str) -> Option<Unit> {
+/// The unit of time that `text` is.
+pub(super) fn time_unit(text: &str) -> Option<Unit> {
     match unit_cell(text, false) {
         UnitSense::Known(unit) if unit.quantity == Quantity::Time => Some(unit),
         _ => None,
@@ -158,7 +196,7 @@ fn time_unit(text: &str) -> Option<Unit> {
 }
 
 /// Hertz of a unit of rates.
-fn hertz(unit: &str) -> Option<f64> {
+pub(super) fn hertz(unit: &str) -> Option<f64> {
     const ENDS: [&str; 11] = [
         "hz",
         "samples per second",
@@ -181,20 +219,30 @@ fn hertz(unit: &str) -> Option<f64> {
     }
 }
 
-/// The meaning of the row `cells` for the interval: `Delta_X;0.001`, `Sample rate (kHz): 2`, `SampleRate,1000`, `Averaging,10`. An interval
-/// without a unit is in `common`.
-fn meaning(cells: &[String], decimal: Option<Decimal>, common: Option<Unit>) -> Option<Meaning> {
+/// The number of channels that the row `cells` states.
+fn channels(cells: &[String]) -> Option<f64> {
+    let (name, rest) = name_and_rest(cells.first()?);
+    let value = if rest.is_empty() { cells.get(1)?.trim() } else { rest };
+    value.parse().ok().filter(|count| is_one_of(CHANNELS, &name) && *count > 1.0)
+}
+
+/// The meaning of the row `cells` for the interval: `Delta_X;0.001`, `Sample rate (kHz): 2`, `SampleRate,1000`. An interval without a unit
+/// is in `common`.
+fn meaning(
+    name: &str,
+    cells: &[String],
+    decimal: Option<Decimal>,
+    common: Option<Unit>,
+    channels: Option<f64>,
+) -> Option<Meaning> {
     let first = cells.first()?;
-    let (name, inline) = name_and_rest(first);
-    let key = key(&name)?;
+    let (_, inline) = name_and_rest(first);
+    let key = key(name)?;
     let rest = cells[1..].iter().map(|cell| cell.trim());
     let mut parts = [inline].into_iter().chain(rest).filter(|part| !part.is_empty());
     let value = parts.next()?;
     let has_digit = |text: &str| text.contains(|c: char| c.is_ascii_digit());
     let each = parts.clone().any(|other| has_digit(other) && other != value);
-    if key == Key::Every && (each || !has_digit(value)) {
-        return None;
-    }
     // 50 ms, or 50ms; the letter of an exponent is followed by a number.
     let is_unit = |(at, c): &(usize, char)| {
         c.is_alphabetic()
@@ -220,6 +268,12 @@ fn meaning(cells: &[String], decimal: Option<Decimal>, common: Option<Unit>) -> 
             parts.map(|part| numbers::number(part, decimal.unwrap_or(Decimal::Point))).collect();
         numbers = others.map_or_else(Vec::new, |others| [numbers, others].concat());
     }
+    let qualifier = bracketed.trim().to_lowercase();
+    let is_of_all = qualifier.is_empty()
+        || is_one_of(PER_CHANNEL, &qualifier)
+        || time_unit(bracketed).is_some()
+        || hertz(bracketed).is_some()
+        || bracketed == unit;
     let is_count = COUNTS.split(' ').any(|count| unit.eq_ignore_ascii_case(count));
     let time = time_unit(unit);
     let in_seconds = |number: f64| match (time, hertz(unit)) {
@@ -235,13 +289,14 @@ fn meaning(cells: &[String], decimal: Option<Decimal>, common: Option<Unit>) -> 
         _ if matches!(unit_cell(unit, false), UnitSense::Known(unit) if unit.quantity != Quantity::Time) => {
             return None;
         }
-        ([one], _) if is_count || (key == Key::Every && time.is_none()) => match *one {
-            1.0 => return None,
-            count => Meaning::Every(count),
-        },
+        ([1.0], _) if is_count => return None,
+        ([count], _) if is_count => Meaning::Beside(Beside::Every(*count)),
         ([_], Some(intervals)) if !each => match key {
-            Key::Interval | Key::Rate => Meaning::Rows(intervals[0]),
-            Key::Other | Key::Every => Meaning::Other(intervals[0]),
+            Key::Interval | Key::Rate if is_of_all => Meaning::Rows(intervals[0]),
+            Key::Rate if is_one_of(IN_TOTAL, qualifier.split(' ').next().unwrap_or_default()) => {
+                Meaning::Unclear("of all channels", [1.0, channels.unwrap_or(1.0)].map(|n| n * intervals[0]).into())
+            }
+            _ => Meaning::Other(intervals[0]),
         },
         (_, Some(intervals)) if each => Meaning::Unclear("several numbers", intervals),
         ([], _) => Meaning::Unclear("which cannot be read", Vec::new()),

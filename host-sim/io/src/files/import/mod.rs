@@ -3,6 +3,8 @@
 //!
 //! The interpretation is reported ([`Understood`]), and what may be read in two ways is an error that shows both.
 
+mod beginnings;
+mod beside;
 mod channels;
 mod choice;
 mod clock;

@@ -1,5 +1,6 @@
 //! Text with rows of numbers: what separates them, where they begin, and the lines above.
 
+use super::beginnings;
 use super::clock;
 use super::cut_off;
 use super::header::{self, Head, TopRow};
@@ -227,13 +228,6 @@ impl<'a> TextTable<'a> {
             None => column.is_ambiguous(decimal),
         };
         let ambiguous = signs.iter().enumerate().map(is_ambiguous).collect();
-        if head.interval.is_none() {
-            let is_name = |row: &&TopRow| row.line == head.line;
-            let above: Vec<(u64, &[String])> =
-                above.iter().filter(|row| !is_name(row)).map(|row| (row.line, row.cells.as_slice())).collect();
-            // Whole numbers do not show the decimal sign of the file.
-            head.interval = interval::stated(&above, known.or(decimal.filter(|_| all.has_signs())));
-        }
         let mut table = Self {
             head,
             separator,
@@ -263,6 +257,15 @@ impl<'a> TextTable<'a> {
             && !table.sheet
         {
             table.is_cut_off = cut_off::is_cut_off(last, separator, table.decimal);
+        }
+        let is_name = |row: &&TopRow| row.line == table.head.line;
+        let above: Vec<(u64, &[String])> =
+            above.iter().filter(|row| !is_name(row)).map(|row| (row.line, row.cells.as_slice())).collect();
+        // Whole numbers do not show the decimal sign of the file.
+        let sign = known.or(decimal.filter(|_| all.has_signs()));
+        table.head.beginnings = beginnings::stated(&above, sign);
+        if table.head.interval.is_none() {
+            table.head.interval = interval::stated(&above, sign, || table.rows().count());
         }
         // Names and units are those of the first.
         let is_read = |line: u64| table.segments.iter().any(|(start, _)| *start == line);
