@@ -13,6 +13,7 @@ mod rivals;
 mod rows_without_times;
 mod sealed_records;
 mod shifted_rows;
+mod silent_misreadings;
 mod spring_in_series;
 mod temperature;
 mod written_files;

@@ -192,7 +192,8 @@ fn undetermined(normal: &DMatrix<f64>, inside: &[usize]) -> (usize, Vec<Vec<usiz
 type Ends = (Option<f64>, Option<f64>);
 
 /// Values at which the cost, minimised over all other variables, exceeds its minimum by the 95 % quantile; `deviations` are
-/// first estimates of the variables' standard deviations, none for what the data do not determine.
+/// first estimates of the variables' standard deviations, none for what the data do not determine. Where the data leave directions open, the others do
+/// not follow to the minimum in a step: no interval is narrower than by its deviation.
 fn profiles(context: &Context<'_>, found: &Found, deviations: &[Option<f64>], freedom: f64) -> Vec<Ends> {
     let none = || vec![(None, None); found.variables.len()];
     if context.stop.load(Ordering::Relaxed) {
@@ -214,7 +215,8 @@ fn profiles(context: &Context<'_>, found: &Found, deviations: &[Option<f64>], fr
             let value = variable.get(&found.candidate);
             let profile = Profile { context, base: &base, followers: &followers, index: i, threshold };
             let end = |sign: f64| {
-                let distance = profile.end(sign, deviations[i]?)?;
+                let least = NORMAL * deviations[i]?;
+                let distance = profile.end(sign, deviations[i]?)?.max(least);
                 Some((value + sign * distance).clamp(low, high))
             };
             (end(-1.0), end(1.0))

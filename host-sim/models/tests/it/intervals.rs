@@ -75,9 +75,12 @@ fn fitted(observations: &[Observation], branches: usize) -> Fit {
 #[test]
 fn the_value_without_noise_is_in_nine_intervals_of_ten() {
     let draws = if full_sweep() { 200 } else { 16 };
-    for (what, branches, follows) in
-        [("the film's own structure", 1, 0.0), ("noise of ten rows", 1, 0.8), ("a structure that is too small", 0, 0.0)]
-    {
+    for (what, branches, follows) in [
+        ("the film's own structure", 1, 0.0),
+        ("noise of ten rows", 1, 0.8),
+        ("a structure that is too small", 0, 0.0),
+        ("a structure that is too large", 2, 0.0),
+    ] {
         let plain = observations();
         let truth = fitted(&plain, branches);
         let values: BTreeMap<String, f64> =
@@ -87,19 +90,24 @@ fn the_value_without_noise_is_in_nine_intervals_of_ten() {
             .flat_map_iter(|seed| {
                 let fit = fitted(&noisy(&plain, seed, follows), branches);
                 let uncertainty = fit.uncertainty.expect("computed");
-                assert_eq!(uncertainty.no_intervals, None, "{what}, draw {seed}");
+                // Of what the data leave open, the search may not find the end; what they determine has its interval beside it.
+                let is_larger = branches > 1;
+                assert!(is_larger || uncertainty.no_intervals.is_none(), "{what}, draw {seed}");
+                let has_one = uncertainty.no_intervals.is_none();
+                let counts = |e: &&fit::Estimate| has_one && !(is_larger && e.name.starts_with("branches"));
                 let contains = |e: &fit::Estimate| {
                     let value = values[&e.name];
                     let (low, high) = (e.low.unwrap_or(f64::NEG_INFINITY), e.high.unwrap_or(f64::INFINITY));
                     (e.name.clone(), low <= value && value <= high)
                 };
-                uncertainty.estimates.iter().map(contains).collect::<Vec<_>>()
+                uncertainty.estimates.iter().filter(counts).map(contains).collect::<Vec<_>>()
             })
             .collect();
         let share = |of: &dyn Fn(&str) -> bool| {
             let of: Vec<_> = inside.iter().filter(|(name, _)| of(name)).collect();
             of.iter().filter(|(_, inside)| *inside).count() as f64 / of.len() as f64
         };
+        assert!(inside.len() as u64 > 2 * draws, "{what}: {} intervals", inside.len());
         for name in values.keys() {
             println!("{what}, {name}: {:.3} of {draws}", share(&|other| other == name));
         }

@@ -19,14 +19,19 @@ struct Date {
 }
 
 impl Stamp {
+    /// Whether it is a whole second.
+    pub fn is_whole(&self) -> bool {
+        self.of_day_s.fract() == 0.0
+    }
+
     /// Seconds since midnight.
     pub fn of_day_s(&self) -> f64 {
         self.of_day_s
     }
 
-    /// Whether it is a whole second.
-    pub fn is_whole(&self) -> bool {
-        self.of_day_s.fract() == 0.0
+    /// The number of its day by each order of the parts of its date, if it has one.
+    pub fn days(&self) -> Option<[Option<f64>; 3]> {
+        Some(self.date.as_ref()?.days.map(|days| Some(days? as f64)))
     }
 }
 
@@ -86,13 +91,15 @@ pub fn is_two_parts(text: &str) -> bool {
 }
 
 /// How the fractions of seconds in a column are written.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Digits {
     /// Fewest and most digits.
     widths: Option<(usize, usize)>,
     /// Whether one begins with 0, and one of several digits ends with it.
     begins: bool,
     ends: bool,
+    /// By how much the time of each row is another one where its digits are milliseconds, s.
+    shifts_s: Vec<f64>,
 }
 
 impl Digits {
@@ -100,8 +107,13 @@ impl Digits {
     pub fn take(&mut self, text: &str) {
         let behind =
             text.rsplit(':').next().and_then(|seconds| seconds.split_once(['.', ','])).map(|(_, behind)| behind);
-        let Some(behind) = behind else { return };
+        let behind = behind.unwrap_or_default();
         let digits = &behind[..behind.find(|c: char| !c.is_ascii_digit()).unwrap_or(behind.len())];
+        let whole: f64 = digits.parse().unwrap_or(0.0);
+        self.shifts_s.push(whole / 1e3 - whole / 10_f64.powi(digits.len() as i32));
+        if digits.is_empty() {
+            return;
+        }
         let (fewest, most) = self.widths.unwrap_or((digits.len(), digits.len()));
         self.widths = Some((fewest.min(digits.len()), most.max(digits.len())));
         self.begins |= digits.len() > 1 && digits.starts_with('0');
@@ -111,6 +123,25 @@ impl Digits {
     /// Whether they are numbers of milliseconds: neither all of one width nor without the zeros at their end.
     pub fn are_milliseconds(&self) -> bool {
         self.widths.is_some_and(|(fewest, most)| fewest < most && most == 3) && self.ends && !self.begins
+    }
+
+    /// Whether they may be that as well: then the times `clock_s` increase in more even steps.
+    pub fn may_be_milliseconds(&self, clock_s: &[f64]) -> bool {
+        let unevenness = |times: &mut dyn Iterator<Item = f64>| {
+            let mut last = times.next()?;
+            let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
+            for now in times {
+                (least, most) = (least.min(now - last), most.max(now - last));
+                last = now;
+            }
+            (least > 0.0).then_some(most - least)
+        };
+        let as_read = unevenness(&mut clock_s.iter().copied());
+        let shifted = || unevenness(&mut clock_s.iter().zip(&self.shifts_s).map(|(time, shift)| time + shift));
+        let are_mixed = self.widths.is_some_and(|(fewest, most)| fewest < most && most == 3) && !self.begins;
+        are_mixed
+            && self.shifts_s.len() == clock_s.len()
+            && as_read.zip(shifted()).is_some_and(|(read, other)| other < read)
     }
 }
 
@@ -224,8 +255,12 @@ impl Clock {
 
     /// Days from one row's date to the next: a day at most in one order of their parts, or the same in all of them.
     fn days_between(&mut self, before: &Date, now: &Date) -> Result<i64, String> {
-        let step =
-            |k: usize| now.days[k].zip(before.days[k]).map(|(now, before)| now - before).filter(|step| *step >= 0);
+        let step = |k: usize| {
+            now.days[k]
+                .zip(before.days[k])
+                .and_then(|(now, before): (i64, i64)| now.checked_sub(before))
+                .filter(|step| *step >= 0)
+        };
         let steps = [0, 1, 2].map(|k| step(k).filter(|_| !self.excluded[k]));
         let shortest = steps.iter().flatten().min().copied().ok_or("the date goes backwards; sort the rows")?;
         if let Some(longer) = steps.iter().flatten().find(|step| **step > shortest.max(1)).filter(|_| shortest > 1) {

@@ -7,17 +7,14 @@ use std::path::Path;
 
 use super::lines::{Line, comments_between};
 use super::mapping::{self, By, Chosen};
-use super::names::Title;
 use super::numbers::{self, Cell, Decimal};
-use super::separator::Separator;
 use super::series::{Series, Understood, UnderstoodColumn};
-use super::shifted;
 use super::source::{Source, Value, si};
 use super::text::{Dialect, TextTable};
 use super::times::{Origin, Times};
 use super::{
-    Hints, Quantity, Request, beginnings, channels, encoding, fractions, kind, mat, mat_hdf5, names, other_times,
-    rates, reshaped, workbook,
+    Hints, Quantity, Request, beginnings, doubts, encoding, fractions, kind, mat, mat_hdf5, names, other_times,
+    own_names, rates, reshaped, status, workbook,
 };
 use crate::error::{Error, Result, shown};
 use crate::files::table::Column;
@@ -82,11 +79,11 @@ pub fn from_csv(path: &Path, mut csv: impl Read, request: &Request<'_>) -> Resul
 /// quotes are the dialect of another program, and so is a displacement in another unit than the names have.
 fn has_own_names(head: &str, request: &Request<'_>) -> bool {
     let Ok(table) = TextTable::below_names(head.trim_start_matches(MARK)) else { return false };
-    match mapping::own(&table.titles(), request) {
+    match own_names::own(&table.titles(), request) {
         // Two columns of a kind.
         Err(_) => true,
         Ok(None) => false,
-        Ok(Some(chosen)) if mapping::has_another_displacement(&table.titles(), request, &chosen) => false,
+        Ok(Some(chosen)) if own_names::has_another_displacement(&table.titles(), request, &chosen) => false,
         Ok(Some(chosen)) => table.rows().take(100).flatten().enumerate().all(|(k, (_, cells))| {
             let is_text = |text: &str| k == 0 && matches!(numbers::cell(text, Decimal::Point), Cell::Text(_));
             let is_ours = |text: &str| !text.contains(',') && !is_text(text);
@@ -101,7 +98,7 @@ fn own_names(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints) 
     let text = text.trim_start_matches(MARK);
     let table = TextTable::below_names(text).map_err(|(line, cause)| at(path, line, cause))?;
     let line = table.head.line;
-    let own = mapping::own(&table.titles(), request).map_err(|cause| at(path, line, cause))?;
+    let own = own_names::own(&table.titles(), request).map_err(|cause| at(path, line, cause))?;
     let source = Source::Text("text (UTF-8)".into(), Box::new(table));
     let chosen = own.map_or_else(|| map(path, &source, request, hints), Ok)?;
     extract(path, &source, &chosen, hints)
@@ -307,16 +304,9 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
         column.factor = -column.factor;
     }
     let indices: Vec<usize> = chosen.iter().map(|column| column.index).collect();
-    let name = |column: &Chosen| match titles[column.index].name.as_str() {
-        "" => format!("column {}", column.index + 1),
-        name => name.chars().take(40).collect(),
-    };
-    let names: Vec<String> = chosen.iter().map(name).collect();
-    refuse_ambiguous(source, &chosen, &titles, &names).map_err(|(line, cause)| at(path, line, cause))?;
-    let others: Vec<usize> = (0..titles.len()).filter(|index| !indices.contains(index)).collect();
-    let is_time = |column: &&Chosen| hints.repeated_times.is_some() && column.quantity == Quantity::Time;
-    let repeated = chosen.first().filter(is_time).map(|column| column.index);
-    channels::refuse(source, &titles, repeated, &others).map_err(|(line, cause)| at(path, line, cause))?;
+    let names: Vec<String> = chosen.iter().map(|column| column.name(&titles)).collect();
+    let may_repeat = hints.repeated_times.is_some();
+    doubts::refuse(source, &chosen, &titles, may_repeat).map_err(|(line, cause)| at(path, line, cause))?;
     let interval_s = interval_s(source, &chosen, hints).map_err(|(line, cause)| at(path, line, cause))?;
     let mut times = Times::new(interval_s, hints.repeated_times.is_some(), source.starts());
     let mut columns: Vec<Column> = names.iter().map(|name| Column::empty(name.clone())).collect();
@@ -402,6 +392,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
         notes.push(format!("{filled} empty cells of what drives the film are filled"));
     }
     notes.extend(other_times::remarks(source, &chosen, &titles));
+    notes.extend(status::remarks(source, &chosen, &titles));
     notes.extend(rates::remarks(source, &chosen, &titles, &series.clock_s));
     if hints.rate_hz.is_some() && hints.choices.get(Quantity::Time).is_none() {
         let unused = (0..titles.len()).filter(is_ignored).find(|index| names::is_time(&titles[*index].name));
@@ -414,43 +405,6 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
         0 => Err(Error::file(path, "no data rows; a recording needs at least 2")),
         1 => Err(Error::file(path, "1 data row; a recording needs at least 2")),
         _ => Ok(series),
-    }
-}
-
-/// Refuses a `chosen` column whose numbers can be read in two ways, and rows whose cells are shifted or whose units change.
-fn refuse_ambiguous(
-    source: &Source<'_>,
-    chosen: &[Chosen],
-    titles: &[Title],
-    names: &[String],
-) -> std::result::Result<(), (u64, String)> {
-    let Source::Text(_, table) = source else { return Ok(()) };
-    if let Some((line, [before, unit])) = table.mixed_units() {
-        return Err((
-            line,
-            format!("a column has the unit {unit} here and {before} before; write all rows in one unit"),
-        ));
-    }
-    let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
-    let rows = || table.rows().flatten();
-    let is_named = chosen.iter().any(|column| column.by != By::Choice);
-    let spare = || shifted::into_spare(rows(), titles, is_used).filter(|_| is_named);
-    if table.separator == Separator::Comma
-        && let Some(fault) = shifted::by_thousands(rows()).or_else(spare)
-    {
-        return Err(fault);
-    }
-    let is_ambiguous = |place: &usize| table.ambiguous.get(chosen[*place].index) == Some(&true);
-    match (0..chosen.len()).find(is_ambiguous) {
-        None => Ok(()),
-        Some(place) => Err((
-            source.starts().first().copied().unwrap_or(0),
-            format!(
-                "{:?} can be read in two ways: in numbers such as 1.234 or 1,234 the sign is decimal (1.234), or it separates thousands \
-                 (1234); state the decimal sign with `decimal` point or `decimal` comma",
-                names[place]
-            ),
-        )),
     }
 }
 

@@ -192,6 +192,9 @@ fn are_groups(groups: &TopRow, names: &TopRow) -> bool {
     let filled = groups.cells.iter().filter(|cell| !cell.trim().is_empty()).count();
     groups.cells.len() == names.cells.len()
         && filled > 1
+        && (groups.cells[0].trim().is_empty() || filled == groups.cells.len())
+        && filled + 1 >= names.cells.len()
+        && names.cells.len() > 2
         && !groups.cells.iter().any(is_number)
         && key(&groups.cells[0]).is_none()
 }

@@ -7,7 +7,7 @@ use super::choice::{Choice, Choices, Column};
 use super::names::{self, Sense, Title, UnitSense};
 use super::times::Origin;
 use super::units;
-use super::{Names, Quantity, Request};
+use super::{Quantity, Request, own_names};
 
 /// A column that was understood.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +22,16 @@ pub struct Chosen {
     pub factor: f64,
     /// Source of the interpretation.
     pub by: By,
+}
+
+impl Chosen {
+    /// Its name among `titles`, as errors have it.
+    pub fn name(&self, titles: &[Title]) -> String {
+        match titles[self.index].name.as_str() {
+            "" => format!("column {}", self.index + 1),
+            name => name.chars().take(40).collect(),
+        }
+    }
 }
 
 /// Source of the interpretation of a column.
@@ -41,48 +51,6 @@ pub enum By {
     Choice,
 }
 
-/// The columns that have the names of this tool, where they are all that is needed. No other column counts then.
-///
-/// # Errors
-///
-/// Two columns of one kind.
-pub fn own(titles: &[Title], request: &Request<'_>) -> Result<Option<Vec<Chosen>>, String> {
-    let mut found: Vec<Chosen> = Vec::new();
-    for (index, title) in titles.iter().enumerate().filter(|(_, title)| title.unit.is_none()) {
-        let of_title = |(quantity, names): &(Quantity, &Names)| {
-            names.iter().find(|(name, _)| *name == title.name).map(|(_, unit)| (*quantity, *unit))
-        };
-        let Some((quantity, unit)) = request.wanted.iter().find_map(of_title) else { continue };
-        if let Some(other) = found.iter().find(|column| column.quantity == quantity) {
-            let (one, two) = (other.index + 1, index + 1);
-            return Err(format!(
-                "columns {one} and {two} are both the {}, {:?} and {:?}; choose one with `columns` {}={one} or {}={two}",
-                quantity.name(),
-                titles[other.index].name,
-                title.name,
-                quantity.name(),
-                quantity.name()
-            ));
-        }
-        let factor = match units::read(unit, false) {
-            units::Read::Unit(unit) => unit.factor,
-            _ => 1.0,
-        };
-        found.push(Chosen { quantity, index, unit: unit.into(), factor, by: By::OwnName });
-    }
-    let has = |quantity: &Quantity| found.iter().any(|column| column.quantity == *quantity);
-    let complete = request.needed.iter().all(|set| set.iter().any(has));
-    found.sort_by_key(|column| column.quantity);
-    Ok(complete.then_some(found))
-}
-
-/// Whether there is a displacement as this tool names it, but in another unit, and no other one is `found`.
-pub fn has_another_displacement(titles: &[Title], request: &Request<'_>, found: &[Chosen]) -> bool {
-    request.wants(Quantity::Displacement)
-        && found.iter().all(|column| column.quantity != Quantity::Displacement)
-        && titles.iter().any(|title| title.name.starts_with("displacement_"))
-}
-
 /// The columns with `titles` that `request` asks for; their times are from `times`.
 ///
 /// # Errors
@@ -99,7 +67,7 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices, times: Or
     };
     if choices.is_empty()
         && times != Origin::Person
-        && let Some(found) = own(titles.titles, request)?.filter(|found| is_whole(found))
+        && let Some(found) = own_names::own(titles.titles, request)?.filter(|found| is_whole(found))
     {
         return Ok(found.into_iter().map(|column| Chosen { by: By::Name, ..column }).collect());
     }

@@ -5,7 +5,7 @@ use super::words::{
     DEGREES, DERIVED, DRIVEN, ELSEWHERE, FACTORS, LETTERS, NO_TIMES, OF_TWO_VOLTAGES, ORDERED, OTHER_UNITS,
     OTHER_WORDS, SIZES, STEPS, TEMPERATURES, WORDS,
 };
-use super::{Quantity, Request};
+use super::{Names, Quantity, Request};
 
 /// The title of a column.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -88,9 +88,10 @@ impl Doubt {
         }
     }
 
-    /// The doubt about a column of `quantity` with a `name`, which is `base` without its unit, in a file of `request`.
-    fn about(name: &str, base: &str, quantity: Option<Quantity>, request: &Request<'_>) -> Option<Self> {
-        let words = words(name);
+    /// The doubt about a column of `quantity` with a title, which is `base` without its unit, in a file of `request`.
+    fn about(title: &Title, base: &str, quantity: Option<Quantity>, request: &Request<'_>) -> Option<Self> {
+        let name = title.name.as_str();
+        let words = words(&format!("{} {name}", title.group));
         let says =
             |parts: &str| parts.split(' ').any(|part| is_within(part, name) || words.iter().any(|w| has(w, part)));
         // What was asked for is what a reference and the command of an amplifier are.
@@ -173,7 +174,10 @@ fn is_scaled(name: &str) -> bool {
             let is_divided = part.contains('/')
                 && (part.split('/').any(|side| number(side).is_some()) || part.split('/').skip(1).any(is_other));
             // Alone, x10 is the tenth of them.
-            let is_factor = parts.len() > 1 && factor.is_some_and(|factor| number(factor).is_some());
+            // A second laser is x2.
+            let is_large =
+                |factor: &str| number(factor).is_some() || factor.parse::<u32>().is_ok_and(|factor| factor > 2);
+            let is_factor = parts.len() > 1 && factor.is_some_and(is_large);
             ratio || product || is_divided || is_factor
         })
 }
@@ -226,7 +230,7 @@ impl Title {
         Sense {
             named,
             unit: if is_clock { UnitSense::Clock } else { unit },
-            doubt: Doubt::about(&format!("{} {}", self.group, self.name), &base, named, request),
+            doubt: Doubt::about(self, &base, named, request),
             of_amplifier: named.is_none() && is_of_amplifier(&base),
         }
     }
@@ -278,6 +282,16 @@ pub(super) fn is_time(name: &str) -> bool {
 pub(super) fn may_be_time(title: &Title) -> bool {
     let has_unit = |sense: Sense| matches!(sense.unit, UnitSense::Known(unit) if unit.quantity == Quantity::Time);
     is_time(&title.name) || has_unit(title.sense(&Request { wanted: &[], needed: &[] }, false))
+}
+
+/// Whether a column of this `title` is a reading, a setting or a result by its words or its unit, and not a name or a number of something.
+pub(super) fn may_be_read(title: &Title) -> bool {
+    let drives: &[(Quantity, &Names)] = &[(Quantity::Voltage, &[])];
+    let sense = title.sense(&Request { wanted: drives, needed: &[] }, false);
+    sense.named.is_some()
+        || sense.unit != UnitSense::Missing
+        || matches!(sense.doubt, Some(Doubt::Ordered | Doubt::Derived | Doubt::Scaled))
+        || is_temperature(&title.name)
 }
 
 /// A cell of a row of units, with brackets or without.

@@ -1,7 +1,9 @@
 //! Rows whose cells are not below their names.
 
+use super::clock;
 use super::lines::Line;
-use super::names::Title;
+use super::mapping::Chosen;
+use super::names::{self, Title};
 use super::numbers::{self, Decimal};
 use super::separator::Separator;
 
@@ -173,4 +175,55 @@ fn is_group(first: &str, second: &str) -> bool {
         && whole.len() == 3
         && is_digits(whole)
         && is_digits(broken)
+}
+
+/// The line and the cause where the first column counts the rows, the second may be the times, and the last has no name: the names may
+/// begin at the second.
+pub fn by_counts<'a>(
+    rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Clone,
+    titles: &[Title],
+) -> Option<(u64, String)> {
+    let [first, second, .., last] = titles else { return None };
+    let (line, cells) = rows.clone().next()?;
+    let start: u64 = cells[0].parse().ok().filter(|start| *start < 2)?;
+    let is_whole = |(k, (_, cells)): (u64, (u64, Vec<&str>))| {
+        cells[0].parse() == Ok(start + k) && cells.len() == titles.len() && cells.last().is_some_and(|c| !c.is_empty())
+    };
+    let may_shift = !first.name.is_empty() && last.name.is_empty() && second.increases;
+    (may_shift && (0..).zip(rows).all(is_whole)).then(|| {
+        let cause = format!(
+            "column 1 {:?} counts the rows and the last column has no name: it may be the times, or the names may be one column too far left; \
+             name all columns in the header, or choose them by number with `columns`",
+            first.name
+        );
+        (line, cause)
+    })
+}
+
+/// The line and the cause where the cells right of times of whole seconds may be their milliseconds, behind a decimal comma, and the last
+/// column, which is not used and has no unit, has room for the cell that is too many.
+pub fn by_milliseconds<'a>(
+    mut rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Clone,
+    titles: &[Title],
+    chosen: &[Chosen],
+) -> Option<(u64, String)> {
+    const DIGITS: usize = 3;
+    let time = chosen.first().filter(|column| titles[column.index].clock)?.index;
+    let end = titles.len().checked_sub(1).filter(|end| *end > time + 1)?;
+    let may_be_remark = !names::may_be_read(&titles[end]) && chosen.iter().all(|column| column.index != end);
+    let is_part = names::may_be_time(titles.get(time + 1)?);
+    let may_shift = |(_, cells): (u64, Vec<&str>)| {
+        let is_whole = cells.get(time).and_then(|cell| clock::stamp(cell)).is_some_and(|stamp| stamp.is_whole());
+        let has_digits = |cell: &&str| cell.len() == DIGITS && cell.bytes().all(|byte| byte.is_ascii_digit());
+        is_whole && cells.get(time + 1).is_some_and(has_digits) && cells.get(end).is_some_and(|c| numbers::is_plain(c))
+    };
+    let (line, cells) = rows.clone().next()?;
+    (may_be_remark && !is_part && rows.all(may_shift)).then(|| {
+        let cause = format!(
+            "{:?} right of {:?} may be a reading, or the milliseconds behind a decimal comma, which shifts the values; write the times with a \
+             point, or choose the columns by number with `columns`",
+            cells[time + 1], cells[time]
+        );
+        (line, cause)
+    })
 }

@@ -136,7 +136,7 @@ impl Times {
         runs: impl FnOnce() -> usize,
     ) -> Result<(Vec<f64>, Option<Unit>), String> {
         let Self { interval_s, mut clock_s, counted, digits, .. } = self;
-        if digits.are_milliseconds() {
+        if digits.are_milliseconds() || digits.may_be_milliseconds(&clock_s) {
             return Err("the times have milliseconds without leading zeros, so .5 may be 5 or 500 ms; write three digits, or state the rate of the \
                         rows with `rate_hz`"
                 .into());

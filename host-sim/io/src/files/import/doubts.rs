@@ -1,0 +1,83 @@
+//! What may be read in two ways in rows whose columns are known: each is refused with what to do.
+
+use super::mapping::{By, Chosen};
+use super::names::Title;
+use super::separator::Separator;
+use super::source::{Source, Value};
+use super::{Quantity, channels, clock, dates, shifted, short, sources};
+
+/// Refuses rows in which a cell may belong to another column, another film or another day than the `chosen` columns have it. Rows of one
+/// time `may_repeat` it.
+///
+/// # Errors
+///
+/// The line, the cause and what to do.
+pub fn refuse(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], may_repeat: bool) -> Result<(), (u64, String)> {
+    refuse_ambiguous(source, chosen, titles)?;
+    let others: Vec<usize> =
+        (0..titles.len()).filter(|index| chosen.iter().all(|column| column.index != *index)).collect();
+    let time = chosen.first().filter(|column| column.quantity == Quantity::Time);
+    channels::refuse(source, titles, time.filter(|_| may_repeat).map(|time| time.index), &others)?;
+    sources::refuse(source, chosen, titles, &others)?;
+    let Some(time) = time else { return Ok(()) };
+    refuse_hours(source, time, titles)?;
+    dates::refuse(source, time, titles, &others)
+}
+
+/// Refuses times of two parts that are hours and minutes by the title of their column, and minutes and seconds by a fraction.
+fn refuse_hours(source: &Source<'_>, time: &Chosen, titles: &[Title]) -> Result<(), (u64, String)> {
+    let title = &titles[time.index];
+    let unit = format!("{} {}", title.name, title.unit.as_deref().unwrap_or_default()).to_lowercase();
+    if !["h:m", "hour:min", "hours:min", "std:min"].iter().any(|hours| unit.contains(hours)) {
+        return Ok(());
+    }
+    source.each(&[time.index], |_, values| match values[0] {
+        Value::Text(text) if clock::is_clock(text) && text.matches(':').count() == 1 => Err(format!(
+            "{text:?} is hours and minutes by the name {:?}, and may be minutes and seconds by its fraction; write hours, minutes and seconds",
+            title.name
+        )),
+        _ => Ok(()),
+    })
+}
+
+/// Refuses a `chosen` column whose numbers can be read in two ways, and rows whose cells are shifted or whose units change.
+fn refuse_ambiguous(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Result<(), (u64, String)> {
+    let Source::Text(_, table) = source else { return Ok(()) };
+    if let Some((line, [before, unit])) = table.mixed_units() {
+        return Err((
+            line,
+            format!("a column has the unit {unit} here and {before} before; write all rows in one unit"),
+        ));
+    }
+    let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
+    let rows = || table.rows().flatten();
+    let is_named = chosen.iter().any(|column| column.by != By::Choice);
+    let spare = || {
+        let fault = shifted::into_spare(rows(), titles, is_used);
+        fault.or_else(|| shifted::by_milliseconds(rows(), titles, chosen)).filter(|_| is_named)
+    };
+    if table.separator == Separator::Comma
+        && let Some(fault) = shifted::by_thousands(rows()).or_else(spare)
+    {
+        return Err(fault);
+    }
+    if let Some(fault) = shifted::by_counts(rows(), titles).filter(|_| is_named) {
+        return Err(fault);
+    }
+    if !table.sheet && table.separator != Separator::Blanks {
+        let last = chosen.iter().map(|column| column.index).max().unwrap_or(0);
+        short::refuse(rows(), titles.len(), last, table.decimal)?;
+    }
+    let is_ambiguous = |place: &usize| table.ambiguous.get(chosen[*place].index) == Some(&true);
+    match (0..chosen.len()).find(is_ambiguous) {
+        None => Ok(()),
+        Some(place) => Err((
+            source.starts().first().copied().unwrap_or(0),
+            format!(
+                "{:?} can be read in two ways: in numbers such as 1.234 or 1,234 the sign is decimal (1.234), or it separates thousands \
+                 (1234); state the decimal sign with `decimal` point or `decimal` comma",
+                chosen[place].name(titles)
+            ),
+        )),
+    }
+}
