@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::Value;
 use tests::sweep::full_sweep;
-use tests::tool::{Bench, number, rows, warns};
+use tests::tool::{Bench, names, number, rows, warns};
 
 use crate::TOOL;
 
@@ -107,6 +107,18 @@ fn different_lengths_and_rates_and_a_single_cycle() {
     record(&bench, "a.csv", 60.0, 50.0, |t| (voltage(t), (!(20.0..22.0).contains(&t)).then(|| displacement(t))));
     let report = sane(&bench, "a.csv", "--branches 1");
     assert!(!warns(&report, "gap") && number(&report["r2_mean"]) > 0.98, "{report}");
+}
+
+/// A copy is no second measurement: what a model left out would be what it was fitted to.
+#[test]
+fn copies_are_refused_wherever_recordings_are_left_out() {
+    let bench = Bench::new(TOOL);
+    let noise = |t: f64| 1e-5 * (371.0 * t).sin();
+    record(&bench, "a.csv", 60.0, 50.0, |t| (voltage(t), Some(displacement(t) + noise(t))));
+    record(&bench, "b.csv", 60.0, 50.0, |t| (voltage(t), Some(displacement(t) + noise(t))));
+    for line in ["fit a.csv b.csv --out p.toml", "compare a.csv b.csv", "study a.csv b.csv --out st"] {
+        names(&bench.fails(line), &["b.csv: is a copy of a.csv", "leave it out"]);
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Values that a film and its instruments do not show, and the unit that was likely meant.
 
-use super::import::Quantity;
+use super::import::{By, Quantity};
 use super::recording::Recording;
 use crate::terminal::rounded;
 
@@ -16,6 +16,8 @@ const REACH_M: f64 = 0.1;
 const FORCE_N: f64 = 500.0;
 /// Intervals of the rows of a driven film, s.
 const INTERVAL_S: std::ops::RangeInclusive<f64> = 20e-6..=2.0;
+/// Mean time of a cycle from which whole and half seconds may be milliseconds, s.
+const SLOW_CYCLE_S: f64 = 900.0;
 /// Shortest recording in milliseconds, s.
 const MIN_DURATION_S: f64 = 0.1;
 /// Rows of the shortest recording that is judged so.
@@ -125,7 +127,17 @@ impl Recording {
             return None;
         }
         let text = format!("the rows are {} s apart, {} s in all", rounded(step), rounded(self.duration_s()));
-        if step > *INTERVAL_S.end() {
+        // Cycles of a quarter of an hour and more, at whole seconds.
+        let is_slow = || {
+            let [low, high] =
+                drive.samples().value.iter().fold([f64::MAX, f64::MIN], |[l, h], v| [l.min(*v), h.max(*v)]);
+            let above: Vec<bool> = drive.samples().value.iter().map(|value| *value > 0.5 * (low + high)).collect();
+            let crossings = above.windows(2).filter(|pair| pair[0] != pair[1]).count();
+            crossings > 2 && 2.0 * self.duration_s() > SLOW_CYCLE_S * crossings as f64
+        };
+        let is_stated = self.origin(Quantity::Time).is_some_and(|column| column.by == By::Choice);
+        let is_whole = !is_stated && step >= 0.5 && time_s.iter().all(|t| (2.0 * t).fract() == 0.0);
+        if step > *INTERVAL_S.end() || is_whole && is_slow() {
             return Some(format!("{text}{}", self.smaller(Quantity::Time)));
         }
         let column = self.origin(Quantity::Time)?;

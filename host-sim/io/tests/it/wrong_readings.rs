@@ -1,6 +1,7 @@
 //! Numbers that are no reading of the film: drop-outs that are written as 0 or as a code, and voltages of the mains and of controls.
 
 use std::f64::consts::TAU;
+use std::fmt::Write;
 
 use host_io::files::import::{Blank, Edits, Fill, Quantity};
 use host_io::files::recording::Recording;
@@ -205,5 +206,27 @@ fn voltages_of_mains_and_controls_are_not_the_films() {
     for held in [300.0, 3500.0] {
         let found = table(&|_| held);
         assert!(found.is_empty(), "{found}");
+    }
+}
+
+/// Milliseconds in a column of seconds, at any usual rate; slow recordings of their own are none.
+#[test]
+fn milliseconds_in_a_column_of_seconds_are_found() {
+    let folder = Folder::new();
+    for (step, period, found) in [
+        (0.5, 5000.0, true),
+        (1.0, 5000.0, true),
+        (2.0, 1e4, true),
+        (10.0, 5000.0, true),
+        (1.0, 60.0, false),
+        (0.1, 5000.0, false),
+    ] {
+        let mut text = String::from("time_s,voltage_v,displacement_m\n");
+        for t in (0..30_000).map(|k| step * f64::from(k)) {
+            let volts = 1500.0 * (1.0 - (TAU * t / period).cos());
+            writeln!(text, "{t},{volts},{}", 1e-10 * volts * volts).expect("written");
+        }
+        let text = folder.read(text, "").expect("read").implausible().join("\n");
+        assert_eq!(text.contains("ms in a column of s?"), found, "{step} {period}: {text}");
     }
 }

@@ -105,9 +105,7 @@ pub fn fit(
         let cause = "a spring in series is fitted to displacements under a voltage or a force, not to forces along a displacement";
         return Err(Error::field("curve", cause));
     }
-    if let Some(cause) = repeated(observations) {
-        return Err(Error::Computation(cause));
-    }
+    refuse_copies(observations)?;
     let stages = Stages::new(settings, Kind::for_choice(settings.curve, observations).len() - 1, progress);
     stages.note("faults of the recordings");
     let faults = faults::Found::new(observations);
@@ -222,6 +220,11 @@ pub fn repeated(observations: &[Observation]) -> Option<String> {
         "{}: is a copy of {}, perhaps scaled, shifted, resampled, cut or smoothed: the noise is the same; leave it out",
         later.name, earlier.name
     ))
+}
+
+/// Refuses observations of which one is a copy of another.
+pub(crate) fn refuse_copies(observations: &[Observation]) -> Result<()> {
+    repeated(observations).map_or(Ok(()), |cause| Err(Error::Computation(cause)))
 }
 
 /// `found` with its branches in the order in which they are written, unless a start gave their order.

@@ -9,13 +9,12 @@ use springpot::{Actuator, Compressed, Law, LawOptions, Memory, Springpot, Topolo
 
 use crate::error::{Error, Result};
 use crate::files::recording::Input;
-use crate::fit::Settings;
 use crate::fit::candidate::{Candidate, Variable};
 use crate::fit::descent::{Context, Found, PreparedObservations};
 use crate::fit::left_out::LeftOut;
 use crate::fit::objective::Objective;
 use crate::fit::observation::Observation;
-use crate::fit::selection;
+use crate::fit::{Settings, refuse_copies, selection};
 use crate::progress::Stage;
 use crate::studies::prandtl_ishlinskii::PrandtlIshlinskii;
 
@@ -79,6 +78,7 @@ pub fn compare(
     stop: &AtomicBool,
     progress: &dyn Fn(&Stage),
 ) -> Result<Vec<ModelRow>> {
+    refuse_copies(observations)?;
     let objective = |observations: &[Observation]| Objective::new(observations, settings.actuator.preload);
     let foretold = if beyond.is_empty() { None } else { Some(objective(beyond)?) };
     let prepared = PreparedObservations::new(observations, &settings.actuator)?;

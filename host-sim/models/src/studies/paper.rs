@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::fit::candidate::Candidate;
 use crate::fit::descent::{Context, PreparedObservations};
 use crate::fit::observation::Observation;
-use crate::fit::{Method, Settings, pattern_search};
+use crate::fit::{Method, Settings, pattern_search, refuse_copies};
 use host_io::choice::Choice;
 
 /// Branches of the joint fits.
@@ -67,6 +67,7 @@ pub fn study(
     options: &StudyOptions,
     progress: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<StudyFit>> {
+    refuse_copies(observations)?;
     let actuator = Actuator { stretch_coupling: 0.0, ..options.actuator };
     let together = PreparedObservations::new(observations, &actuator)?;
     let alone = observations
