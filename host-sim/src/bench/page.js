@@ -137,7 +137,9 @@
     put("mark", mark);
     put("word", word);
     put("hint", state === "tripped" ? live.cause : state === "disarmed" && live.live ? "the film still has voltage" : hint);
-    document.title = `${mark} ${word} – springpot bench`;
+    const title = `${mark} ${word} – springpot bench`;
+    // Set again, it would cost memory with every picture.
+    if (document.title !== title) document.title = title;
     if (live === null) return;
     put("voltage", digits(live.monitor_v, 1, 0));
     put("stroke", digits(live.displacement_m, 1e3, 3));

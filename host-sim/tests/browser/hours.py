@@ -1,4 +1,4 @@
-"""What takes long on the page of `springpot bench`, in a real browser.
+"""Long runs on the page of `springpot bench`, in a real browser.
 
 hours.py BROWSER TOOL sitting: a whole sitting on the simulated bench, in the time that it takes: armed, ramp to verdict, and the record opened.
 hours.py BROWSER TOOL HOURS: the states of so many hours of a run, for the first ten minutes one for each picture that the page draws, then ten;
@@ -64,7 +64,7 @@ STATES = """(() => {
     }
   };
   window.fetch = async (address, options) => {
-    // The tool is told of the newest state of its own.
+    // The tool gets the newest state of its own.
     if (options.body?.includes("drew")) options.body = options.body.replace(/"at_ms":\\d+/, `"at_ms":${newest}`);
     const answer = await original(address, options);
     if (address !== "/api/live" || !answer.ok) return answer;

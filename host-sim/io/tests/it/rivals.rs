@@ -28,7 +28,7 @@ fn a_column_whose_unit_cannot_be_read_is_a_rival() {
         has(&folder.refused(&text, ""), &["2 columns may be the displacement", "displacement=3", "displacement=4"]);
         assert_eq!(difference(&folder.read(&text, "displacement=3*1e-6").expect("answered")), None, "{unit}");
     }
-    // Units that are known, also of something else, are none.
+    // Units that are known, also of something else, leave no question.
     for (laser, cells) in [("Laser (㎛)", UM), ("Laser (мкм)", UM), ("Laser (㎜)", MM)] {
         let text = file(["Time (s)", "HV (V)", laser, "Laser (°C)"], "", [VOLTS, cells, ELSEWHERE]);
         assert_eq!(difference(&folder.read(&text, "").expect("read")), None, "{laser}");
@@ -48,7 +48,7 @@ fn a_column_whose_unit_cannot_be_read_is_a_rival() {
     assert_eq!(difference(&folder.read(&field, "voltage=2:V*100").expect("answered")), None);
 }
 
-/// A factor in a title, in any form, is a question; a number of a channel is none.
+/// A factor in a title, in any form, is a question; a number of a channel is not.
 #[test]
 fn factors_in_titles_are_a_question() {
     let folder = Folder::new();
@@ -81,7 +81,7 @@ fn factors_in_titles_are_a_question() {
     }
 }
 
-/// What was asked for is not what was measured, in every language and also where a row above the names says it.
+/// A set point is not a measurement, in every language and also where a row above the names says it.
 #[test]
 fn set_points_are_a_question() {
     let folder = Folder::new();

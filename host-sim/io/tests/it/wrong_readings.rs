@@ -209,7 +209,7 @@ fn voltages_of_mains_and_controls_are_not_the_films() {
     }
 }
 
-/// Milliseconds in a column of seconds, at any usual rate; slow recordings of their own are none.
+/// Milliseconds in a column of seconds, at any usual rate; slow recordings are not reported.
 #[test]
 fn milliseconds_in_a_column_of_seconds_are_found() {
     let folder = Folder::new();

@@ -1,16 +1,15 @@
 //! Beginnings of channels: rows of channels that begin at different times are not at one time.
 
 use super::Quantity;
+use super::chosen::Chosen;
 use super::clock;
-use super::interval::{common_unit, is_one_of, name_and_rest};
-use super::mapping::Chosen;
 use super::numbers::{self, Decimal};
-use super::source::Source;
+use super::preamble::{common_unit, is_one_of, name_and_rest};
 
 /// Names of the time at which a channel begins.
 const NAMES: &str = "x0, x offset, xoffset, hoffset, h offset, horizontal offset, time offset, start offset, t0, time, start time, startzeit, \
     trigger time, wf start time, wf start offset";
-/// Difference that is none, as between channels that are sampled in turn, in intervals of the rows.
+/// Difference that does not count, as between channels that are sampled in turn, in intervals of the rows.
 const MAX_DIFFERENCE: f64 = 0.1;
 
 /// Times at which channels begin.
@@ -38,15 +37,20 @@ pub fn stated(rows: &[(u64, &[String])], decimal: Option<Decimal>) -> Vec<Beginn
     rows.iter().filter_map(of_row).collect()
 }
 
-/// Refuses `chosen` columns that begin at different times, with rows at `clock_s`.
+/// Refuses `chosen` columns that by these `beginnings` begin at different times, with rows at `clock_s`.
 ///
 /// # Errors
 ///
 /// The line and what to do.
-pub fn refuse(source: &Source<'_>, chosen: &[Chosen], columns: usize, clock_s: &[f64]) -> Result<(), (u64, String)> {
+pub fn refuse(
+    beginnings: &[Beginnings],
+    chosen: &[Chosen],
+    columns: usize,
+    clock_s: &[f64],
+) -> Result<(), (u64, String)> {
     let [first, .., last] = clock_s else { return Ok(()) };
     let interval_s = (last - first) / (clock_s.len() - 1) as f64;
-    for Beginnings { line, name, cells_s } in source.head().map_or(&[][..], |head| &head.beginnings) {
+    for Beginnings { line, name, cells_s } in beginnings {
         let is_read = |index: usize| {
             cells_s.len() != columns || chosen.iter().any(|c| c.index == index && c.quantity != Quantity::Time)
         };

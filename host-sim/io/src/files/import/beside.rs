@@ -4,9 +4,9 @@ use std::ops::RangeInclusive;
 
 use super::Quantity;
 use super::clock;
-use super::interval::{hertz, is_one_of, time_unit};
 use super::names::{UnitSense, unit_cell};
 use super::numbers::{self, Decimal};
+use super::preamble::{hertz, is_one_of, time_unit};
 
 /// Parts of words for rows that are fewer than the samples. Those of five letters and more are found within words too.
 const FEWER: &str = "every jede thinn binn skip keep kept nth omit decimat dezim averag mittelung gemittel mittelwertbild moyenn downsampl undersampl \
@@ -52,7 +52,7 @@ const ENDS: &str = "end, end time, ended, ended at, stop, stop time, stopped, fi
 const DEVICES: &str = "generator, waveform, function, stimul, excit, anreg, signal, drive, output, ausgang, awg, dac, sensor, laser, camera, kamera, \
     amplifier, verstärker, filter, supply, netzteil, controller, regler";
 
-/// What a line beside a stated rate says.
+/// Meaning of a line beside a stated rate.
 pub enum Beside {
     /// An interval, s, and the numbers of stated intervals that it may be.
     Interval(f64, RangeInclusive<f64>),
@@ -146,7 +146,7 @@ fn is_of_samples(behind: &str) -> bool {
     SAMPLES.split(' ').any(|word| unit(behind).eq_ignore_ascii_case(word))
 }
 
-/// What the row `cells` says beside a stated rate. Its `name` is in small letters, with the device that it is below.
+/// The meaning of the row `cells` beside a stated rate. Its `name` is in small letters, with the device that it is below.
 pub fn meaning(name: &str, cells: &[String], decimal: Option<Decimal>) -> Option<Beside> {
     let text = cells.join(" ");
     let line = format!("{name} {}", text.replace('_', " ").to_lowercase()).replace('-', "");

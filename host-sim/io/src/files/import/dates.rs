@@ -1,7 +1,7 @@
 //! Dates and days in a column of their own, beside times that do not have them.
 
+use super::chosen::Chosen;
 use super::clock;
-use super::mapping::Chosen;
 use super::names::Title;
 use super::source::{Source, Value};
 

@@ -1,6 +1,6 @@
-//! What may be read in two ways in rows whose columns are known: each is refused with what to do.
+//! Rows that may be read in two ways although their columns are known: each is refused with what to do.
 
-use super::mapping::{By, Chosen};
+use super::chosen::{By, Chosen};
 use super::names::Title;
 use super::separator::Separator;
 use super::source::{Source, Value};

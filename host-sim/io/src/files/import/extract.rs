@@ -5,8 +5,9 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use super::chosen::{By, Chosen};
 use super::lines::{Line, comments_between};
-use super::mapping::{self, By, Chosen};
+use super::mapping;
 use super::numbers::{self, Cell, Decimal};
 use super::series::{Series, Understood, UnderstoodColumn};
 use super::source::{Source, Value, si};
@@ -356,7 +357,8 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     if let (Some(column), Some(unit)) = (without_unit, unit) {
         (column.unit, column.factor) = (unit.name.into(), unit.factor);
     }
-    beginnings::refuse(source, &chosen, titles.len(), &clock_s).map_err(|(line, cause)| at(path, line, cause))?;
+    let beginnings = source.head().map_or(&[][..], |head| &head.beginnings);
+    beginnings::refuse(beginnings, &chosen, titles.len(), &clock_s).map_err(|(line, cause)| at(path, line, cause))?;
     let columns = chosen.iter().map(|column| column.quantity).zip(columns);
     let columns = columns.filter(|(quantity, column)| *quantity != Quantity::Time && column.has_values()).collect();
     let head = source.head();

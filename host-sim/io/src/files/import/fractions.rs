@@ -1,8 +1,8 @@
 //! Columns of milliseconds beside times of day.
 
 use super::Quantity;
+use super::chosen::{By, Chosen};
 use super::clock;
-use super::mapping::{By, Chosen};
 use super::names::{Title, UnitSense, unit_cell};
 use super::source::{Source, Value};
 

@@ -6,6 +6,7 @@ use super::Quantity;
 use super::beside::{self, Beside};
 use super::names::{UnitSense, unit_cell};
 use super::numbers::{self, Decimal};
+use super::preamble::{common_unit, hertz, is_one_of, name_and_rest, time_unit};
 use super::units::Unit;
 use crate::terminal::rounded;
 
@@ -23,27 +24,19 @@ const RATES: &str = "samplerate, sample rate, sampling rate, sampling frequency,
 const OTHERS: &str = "time step, increment, step time, logging rate, logging interval, log rate, log interval, recording rate, \
     recording interval, storage rate, storage interval, save rate, save interval, output rate, output interval, messrate, \
     messintervall, speicherrate, speicherintervall";
-/// What brackets behind a name say of a rate of all rows of a channel, and of a sum over channels.
+/// Text in brackets behind a name for a rate of all rows of a channel, and for a sum over channels.
 const PER_CHANNEL: &str = "per channel, each channel, per chan, pro kanal, je kanal, rows, zeilen";
 const IN_TOTAL: &str = "total, all, aggregate, sum, gesamt, summe, alle";
 /// Names of the number of channels.
 const CHANNELS: &str = "channels, number of channels, channel count, active channels, kanäle, anzahl kanäle, kanalzahl";
 /// Units of such a number.
 const COUNTS: &str = "x × times time samples sample points scans cycles rows lines values mal fach werte zeilen";
-/// Names of the unit of the intervals that have none.
-const UNITS: &str =
-    "horizontal units, hunit, h unit, x unit, x units, x unit label, x dimension, time unit, time units, zeiteinheit";
 
 #[derive(Clone, Copy, PartialEq)]
 enum Key {
     Interval,
     Rate,
     Other,
-}
-
-/// Whether `names`, with commas between them, have `name`.
-pub(super) fn is_one_of(names: &str, name: &str) -> bool {
-    names.split(", ").any(|known| known == name)
 }
 
 fn key(name: &str) -> Option<Key> {
@@ -58,16 +51,6 @@ fn key(name: &str) -> Option<Key> {
     } else {
         None
     }
-}
-
-/// The name in the first cell of a row, as the lists above have it, and the text behind it: `Sample_rate (Hz): 8`, `dt = 5 ms`, `Rate 8 Hz`.
-pub(super) fn name_and_rest(cell: &str) -> (String, &str) {
-    let digit =
-        cell.char_indices().skip(1).find(|(at, c)| c.is_ascii_digit() && cell[..*at].ends_with([' ', '\t', 'x']));
-    let end = [cell.find([':', '=']), digit.map(|(at, _)| cell[..at].trim_end_matches('x').len())];
-    let end = end.into_iter().flatten().min().unwrap_or(cell.len());
-    let name = cell[..end].split(['(', '[']).next().unwrap_or_default();
-    (name.replace('_', " ").trim().to_lowercase(), cell[end..].trim_start_matches([':', '=', ' ', '\t']).trim_end())
 }
 
 /// Whether a row whose first cell is `cell` states an interval or a rate.
@@ -87,13 +70,13 @@ enum Meaning {
     Rows(f64),
     /// Interval that may be another, s.
     Other(f64),
-    /// What is said beside a stated interval.
+    /// Statements beside a stated interval.
     Beside(Beside),
     /// Intervals that it may be, s, and why it is not one of them.
     Unclear(&'static str, Vec<f64>),
 }
 
-/// What the rows of a preamble say of an interval.
+/// The statements on an interval in the rows of a preamble.
 fn statements<'a>(rows: &[(u64, &'a [String])], decimal: Option<Decimal>) -> Vec<Statement<'a>> {
     let common = rows.iter().find_map(|(_, cells)| common_unit(cells));
     let channels = rows.iter().find_map(|(_, cells)| channels(cells));
@@ -173,49 +156,6 @@ impl Statement<'_> {
             Meaning::Unclear(why, _) => format!("{text:?} ({why})"),
             _ => format!("{text:?}"),
         }
-    }
-}
-
-/// The unit that the row `cells` states for the intervals.
-pub(super) fn common_unit(cells: &[String]) -> Option<Unit> {
-    let (name, rest) = name_and_rest(cells.first()?);
-    let unit = [rest].into_iter().chain(cells[1..].iter().map(|cell| cell.trim())).find(|cell| !cell.is_empty())?;
-    if !is_one_of(UNITS, &name) {
-        return None;
-    }
-    // LabVIEW has seconds where the dimension is time.
-    time_unit(if unit.eq_ignore_ascii_case("time") { "s" } else { unit })
-}
-
-/// The unit of time that `text` is.
-pub(super) fn time_unit(text: &str) -> Option<Unit> {
-    match unit_cell(text, false) {
-        UnitSense::Known(unit) if unit.quantity == Quantity::Time => Some(unit),
-        _ => None,
-    }
-}
-
-/// Hertz of a unit of rates.
-pub(super) fn hertz(unit: &str) -> Option<f64> {
-    const ENDS: [&str; 11] = [
-        "hz",
-        "samples per second",
-        "samples/sec",
-        "samples/s",
-        "scans/s",
-        "sps",
-        "sa/s",
-        "s/s",
-        "1/s",
-        "/s",
-        "per second",
-    ];
-    let lower = unit.to_lowercase();
-    match ENDS.iter().find_map(|end| lower.strip_suffix(end))?.trim() {
-        "" => Some(1.0),
-        "k" => Some(1e3),
-        "m" if unit.starts_with('M') => Some(1e6),
-        _ => None,
     }
 }
 

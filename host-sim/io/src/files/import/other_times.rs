@@ -1,7 +1,7 @@
 //! Columns of times beside the one that is used: of channels that were logged at times of their own.
 
 use super::Quantity;
-use super::mapping::Chosen;
+use super::chosen::Chosen;
 use super::names::{self, Title};
 use super::source::{Source, Value};
 

@@ -1,6 +1,6 @@
 //! Columns that have the names of this tool.
 
-use super::mapping::{By, Chosen};
+use super::chosen::{By, Chosen};
 use super::names::Title;
 use super::{Names, Quantity, Request, units};
 

@@ -1,6 +1,6 @@
 //! Rates of rows that contradict what the file says of them, or that no film is recorded at.
 
-use super::mapping::Chosen;
+use super::chosen::Chosen;
 use super::names::Title;
 use super::source::{Source, Value};
 use super::{Quantity, RepeatedTimes};

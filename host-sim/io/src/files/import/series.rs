@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::mapping::By;
+use super::chosen::By;
 use super::{Quantity, names};
 use crate::files::table::Column;
 

@@ -1,8 +1,8 @@
 //! Rows whose cells are not below their names.
 
+use super::chosen::Chosen;
 use super::clock;
 use super::lines::Line;
-use super::mapping::Chosen;
 use super::names::{self, Title};
 use super::numbers::{self, Decimal};
 use super::separator::Separator;

@@ -1,10 +1,10 @@
-//! Rows of several films, sensors or kinds that a column of names tells apart: they are not one recording.
+//! Rows of several films, sensors or kinds that a column of names distinguishes: they are not one recording.
 
 use std::collections::BTreeMap;
 
 use super::Quantity;
+use super::chosen::Chosen;
 use super::clock;
-use super::mapping::Chosen;
 use super::names::{self, Title};
 use super::source::{Source, Value};
 

@@ -1,6 +1,6 @@
 //! Columns of texts that say of a few rows that something was wrong.
 
-use super::mapping::Chosen;
+use super::chosen::Chosen;
 use super::names::Title;
 use super::source::{Source, Value};
 
@@ -35,7 +35,7 @@ pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Vec<
     let note = |(index, found): (&usize, Option<(usize, u64, String)>)| {
         let (count, line, text) = found.filter(|(count, ..)| (*count as f64) < MAX_PART * f64::from(rows))?;
         Some(format!(
-            "{:?} says {text} in {count} rows, the first in line {line}, whose readings are used; if they are none, leave their cells empty or use \
+            "{:?} says {text} in {count} rows, the first in line {line}, whose readings are used; if they are not valid, leave their cells empty or use \
              `blank`",
             titles[*index].name
         ))
