@@ -174,7 +174,9 @@
     if (live === null || !connected || !inControl() || waiting || now - reported < DREW_MS) return;
     reported = now;
     waiting = true;
-    post({ page: own.page, ask: { drew: { at_ms: live.at_ms } } }).catch(() => {}).finally(() => (waiting = false));
+    // An answer that is not read costs memory.
+    const report = async () => (await post({ page: own.page, ask: { drew: { at_ms: live.at_ms } } })).text();
+    report().catch(() => {}).finally(() => (waiting = false));
   };
   const redraw = () => {
     if (!drawing) requestAnimationFrame(frame);
