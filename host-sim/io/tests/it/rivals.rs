@@ -38,6 +38,8 @@ fn a_column_whose_unit_cannot_be_read_is_a_rival() {
         ("Potential (kV DC)", KILOVOLTS),
         ("Напряжение (кВ)", KILOVOLTS),
         ("CH1 HV (V DC)", VOLTS),
+        ("HV (VDC)", VOLTS),
+        ("Napięcie (V)", VOLTS),
     ] {
         let text = file(["Time (s)", name, "Laser (mm)", "Force (N)"], "", [cells, MM, ELSEWHERE]);
         assert_eq!(difference(&folder.read(&text, "").expect("read")), None, "{name}");

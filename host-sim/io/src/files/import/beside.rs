@@ -15,8 +15,6 @@ const FEWER: &str = "every jede thinn binn skip keep kept nth omit decimat dezim
 /// The same in several words, with commas between them.
 const FEWER_OF: &str = "per row, per line, per point, per sample, per record, per reading, per value, per entry, pro zeile, pro wert, pro punkt, \
     pro messwert, je zeile, je wert, je punkt, rate divi, clock divi, sample divi";
-/// Beginnings of words for samples that are left out between rows.
-const LEFT_OUT: &str = "skip omit überspr auslass";
 /// Words for a number of samples that is not known.
 const SOME: &str = "on yes ja ein an true active aktiv enabled second other third fourth fifth tenth zweite zweiten zweiter dritte dritten \
     fünfte fünften zehnte zehnten zehnter";
@@ -208,7 +206,7 @@ fn fewer(name: &str, line: &str, found: &[(f64, &str)]) -> Option<Beside> {
         return None;
     }
     let count = found.iter().map(|(number, _)| *number).reduce(f64::max);
-    match count.map(|count| if begins(LEFT_OUT) { count + 1.0 } else { count }) {
+    match count {
         Some(count) if count > 1.0 => Some(Beside::Every(count)),
         None if words().any(|word| SOME.split(' ').any(|some| some == word)) => Some(Beside::Some),
         _ => None,

@@ -1,6 +1,6 @@
 //! Dates and days in a column of their own, beside times that do not have them.
 
-use super::chosen::Chosen;
+use super::chosen::{By, Chosen};
 use super::clock;
 use super::names::Title;
 use super::source::{Source, Value};
@@ -76,6 +76,10 @@ impl Days {
 ///
 /// The line, both readings and what to do.
 pub fn refuse(source: &Source<'_>, time: &Chosen, titles: &[Title], others: &[usize]) -> Result<(), (u64, String)> {
+    // A person who chose them knows the times.
+    if time.by == By::Choice {
+        return Ok(());
+    }
     let says = |index: usize, known: &str| {
         let name = titles[index].name.to_lowercase();
         name.split(|c: char| !c.is_alphanumeric()).any(|word| known.split(' ').any(|known| known == word))
@@ -109,10 +113,10 @@ pub fn refuse(source: &Source<'_>, time: &Chosen, titles: &[Title], others: &[us
             line,
             format!(
                 "{:?} changes here, where the times in {:?} do not show midnight: there may be a pause before this row that they do not have; join both \
-                 to one column, as in 2026-11-24 10:00:01, or remove {:?} if there was none",
+                 to one column, as in 2026-11-24 10:00:01, or choose the times with `columns` time={} if there was none",
                 titles[index].name,
                 time.name(titles),
-                titles[index].name
+                time.index + 1
             ),
         ))
     })

@@ -1,27 +1,68 @@
-//! Rows that may be read in two ways although their columns are known: each is refused with what to do.
+//! Files that may be read in two ways although their columns are known: each is refused with what to do.
 
 use super::chosen::{By, Chosen};
 use super::names::Title;
 use super::separator::Separator;
 use super::source::{Source, Value};
-use super::{Quantity, channels, clock, dates, shifted, short, sources};
+use super::{Quantity, beginnings, channels, clock, dates, shifted, short, sources};
 
-/// Refuses rows in which a cell may belong to another column, another film or another day than the `chosen` columns have it. Rows of one
+/// Refuses numbers and units that may be read in two ways, and rows of several channels, before the `chosen` columns are read. Rows of one
 /// time `may_repeat` it.
 ///
 /// # Errors
 ///
 /// The line, the cause and what to do.
-pub fn refuse(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], may_repeat: bool) -> Result<(), (u64, String)> {
+pub fn refuse_cells(
+    source: &Source<'_>,
+    chosen: &[Chosen],
+    titles: &[Title],
+    may_repeat: bool,
+) -> Result<(), (u64, String)> {
     refuse_ambiguous(source, chosen, titles)?;
-    let others: Vec<usize> =
-        (0..titles.len()).filter(|index| chosen.iter().all(|column| column.index != *index)).collect();
-    let time = chosen.first().filter(|column| column.quantity == Quantity::Time);
-    channels::refuse(source, titles, time.filter(|_| may_repeat).map(|time| time.index), &others)?;
+    let time = time_of(chosen).filter(|_| may_repeat);
+    channels::refuse(source, titles, time.map(|time| time.index), &others(chosen, titles))
+}
+
+/// Refuses rows that can be read, in which a cell may belong to another column, another film or another time than the `chosen` columns have
+/// it. All rows together show it, so it is no fault of one of them.
+///
+/// # Errors
+///
+/// The first line that it concerns, the cause and what to do.
+pub fn refuse_rows(
+    source: &Source<'_>,
+    chosen: &[Chosen],
+    titles: &[Title],
+    clock_s: &[f64],
+) -> Result<(), (u64, String)> {
+    let others = others(chosen, titles);
+    if let Source::Text(_, table) = source {
+        let rows = || table.rows().flatten();
+        let is_named = chosen.iter().any(|column| column.by != By::Choice);
+        let by_comma =
+            || shifted::by_milliseconds(rows(), titles, chosen).filter(|_| table.separator == Separator::Comma);
+        if let Some(fault) = shifted::by_counts(rows(), titles).or_else(by_comma).filter(|_| is_named) {
+            return Err(fault);
+        }
+        if !table.sheet && table.separator != Separator::Blanks {
+            let last = chosen.iter().map(|column| column.index).max().unwrap_or(0);
+            short::refuse(rows(), titles.len(), last, table.decimal)?;
+        }
+    }
+    beginnings::refuse(source.head().map_or(&[][..], |head| &head.beginnings), chosen, titles.len(), clock_s)?;
     sources::refuse(source, chosen, titles, &others)?;
-    let Some(time) = time else { return Ok(()) };
+    let Some(time) = time_of(chosen) else { return Ok(()) };
     refuse_hours(source, time, titles)?;
     dates::refuse(source, time, titles, &others)
+}
+
+fn time_of(chosen: &[Chosen]) -> Option<&Chosen> {
+    chosen.first().filter(|column| column.quantity == Quantity::Time)
+}
+
+/// The columns that are not `chosen`.
+fn others(chosen: &[Chosen], titles: &[Title]) -> Vec<usize> {
+    (0..titles.len()).filter(|index| chosen.iter().all(|column| column.index != *index)).collect()
 }
 
 /// Refuses times of two parts that are hours and minutes by the title of their column, and minutes and seconds by a fraction.
@@ -52,21 +93,11 @@ fn refuse_ambiguous(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) ->
     let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
     let rows = || table.rows().flatten();
     let is_named = chosen.iter().any(|column| column.by != By::Choice);
-    let spare = || {
-        let fault = shifted::into_spare(rows(), titles, is_used);
-        fault.or_else(|| shifted::by_milliseconds(rows(), titles, chosen)).filter(|_| is_named)
-    };
+    let spare = || shifted::into_spare(rows(), titles, is_used).filter(|_| is_named);
     if table.separator == Separator::Comma
         && let Some(fault) = shifted::by_thousands(rows()).or_else(spare)
     {
         return Err(fault);
-    }
-    if let Some(fault) = shifted::by_counts(rows(), titles).filter(|_| is_named) {
-        return Err(fault);
-    }
-    if !table.sheet && table.separator != Separator::Blanks {
-        let last = chosen.iter().map(|column| column.index).max().unwrap_or(0);
-        short::refuse(rows(), titles.len(), last, table.decimal)?;
     }
     let is_ambiguous = |place: &usize| table.ambiguous.get(chosen[*place].index) == Some(&true);
     match (0..chosen.len()).find(is_ambiguous) {

@@ -14,8 +14,8 @@ use super::source::{Source, Value, si};
 use super::text::{Dialect, TextTable};
 use super::times::{Origin, Times};
 use super::{
-    Hints, Quantity, Request, beginnings, doubts, encoding, fractions, kind, mat, mat_hdf5, names, other_times,
-    own_names, rates, reshaped, status, workbook,
+    Hints, Quantity, Request, doubts, encoding, fractions, kind, mat, mat_hdf5, names, other_times, own_names, rates,
+    reshaped, status, workbook,
 };
 use crate::error::{Error, Result, shown};
 use crate::files::table::Column;
@@ -307,7 +307,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     let indices: Vec<usize> = chosen.iter().map(|column| column.index).collect();
     let names: Vec<String> = chosen.iter().map(|column| column.name(&titles)).collect();
     let may_repeat = hints.repeated_times.is_some();
-    doubts::refuse(source, &chosen, &titles, may_repeat).map_err(|(line, cause)| at(path, line, cause))?;
+    doubts::refuse_cells(source, &chosen, &titles, may_repeat).map_err(|(line, cause)| at(path, line, cause))?;
     let interval_s = interval_s(source, &chosen, hints).map_err(|(line, cause)| at(path, line, cause))?;
     let mut times = Times::new(interval_s, hints.repeated_times.is_some(), source.starts());
     let mut columns: Vec<Column> = names.iter().map(|name| Column::empty(name.clone())).collect();
@@ -357,8 +357,8 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     if let (Some(column), Some(unit)) = (without_unit, unit) {
         (column.unit, column.factor) = (unit.name.into(), unit.factor);
     }
-    let beginnings = source.head().map_or(&[][..], |head| &head.beginnings);
-    beginnings::refuse(beginnings, &chosen, titles.len(), &clock_s).map_err(|(line, cause)| at(path, line, cause))?;
+    doubts::refuse_rows(source, &chosen, &titles, &clock_s)
+        .map_err(|(line, cause)| Error::file(path, format!("line {line}: {cause}")))?;
     let columns = chosen.iter().map(|column| column.quantity).zip(columns);
     let columns = columns.filter(|(quantity, column)| *quantity != Quantity::Time && column.has_values()).collect();
     let head = source.head();

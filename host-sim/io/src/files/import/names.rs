@@ -173,10 +173,10 @@ fn is_scaled(name: &str) -> bool {
             // In `CH 2/mm` the number is the channel's.
             let is_divided = part.contains('/')
                 && (part.split('/').any(|side| number(side).is_some()) || part.split('/').skip(1).any(is_other));
-            // Alone, x10 is the tenth of them.
             // A second laser is x2.
             let is_large =
                 |factor: &str| number(factor).is_some() || factor.parse::<u32>().is_ok_and(|factor| factor > 2);
+            // Alone, x10 is the tenth of them.
             let is_factor = parts.len() > 1 && factor.is_some_and(is_large);
             ratio || product || is_divided || is_factor
         })

@@ -4,9 +4,6 @@ use std::collections::BTreeMap;
 
 use super::numbers::{self, Decimal};
 
-/// Rows of one length that show how many cells a row has.
-const MIN_ROWS: usize = 12;
-
 /// Refuses rows of fewer cells than most have, and most rows where what they have at their end is of a later column. Rows that end before
 /// the column `last` that is used are another fault. Where `columns` behind the end of a row have no numbers, it lacks a remark.
 ///
@@ -22,8 +19,8 @@ pub fn refuse<'a>(
     let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
     rows.clone().for_each(|(_, cells)| *counts.entry(cells.len().min(columns)).or_default() += 1);
     // The fewest of those that are as frequent.
-    let Some((&usual, count)) = counts.iter().rev().max_by_key(|(_, count)| **count) else { return Ok(()) };
-    if counts.len() < 2 || *count < MIN_ROWS {
+    let Some((&usual, _)) = counts.iter().rev().max_by_key(|(_, count)| **count) else { return Ok(()) };
+    if counts.len() < 2 {
         return Ok(());
     }
     let number = |cell: &&str| numbers::number(cell, decimal);

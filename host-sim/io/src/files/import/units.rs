@@ -127,7 +127,7 @@ pub fn usual(quantity: Quantity) -> &'static str {
         Quantity::Time => "s, ms, µs, ns, min, h or days",
         Quantity::Voltage | Quantity::Command => "V, kV or mV",
         Quantity::Force => "N, mN, µN, kN, gf, kgf or lbf",
-        Quantity::Displacement => "m, cm, mm, µm, nm or in",
+        Quantity::Displacement => "m, cm, mm, µm, nm, in or mil",
         Quantity::Stress => "Pa, kPa or MPa",
         Quantity::Weight | Quantity::Temperature | Quantity::Stretch => "none",
     }
