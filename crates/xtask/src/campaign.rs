@@ -6,7 +6,7 @@ use std::process::Command;
 use clap::ValueEnum;
 
 use crate::process::{Result, cargo, command, make, root, run as run_command};
-use crate::{mutants, setup};
+use crate::{mutants, setup, test};
 
 /// A part of the campaign.
 #[derive(Clone, Copy, ValueEnum)]
@@ -20,7 +20,7 @@ pub enum Part {
     Recordings,
     /// Commissioning of 300 sound films and 300 bad benches, of which `cargo xtask test` runs a sample, 1 000 sittings that are ended, and 100 000 changed bytes. Hours.
     Commission,
-    /// The page of `bench`: a million forged requests, of which `cargo xtask test` sends 10 000, and 10 000 clicks on its stop button, with their times.
+    /// The page of `bench`: a million forged requests, of which `cargo xtask test` sends 10 000, 10 000 clicks on its stop button, with their times, and in a browser a whole sitting and ten hours of states. Two hours.
     Bench,
     /// Each fuzzer for ten minutes: no panic, nothing obeyed that must not be.
     Fuzz,
@@ -70,11 +70,19 @@ fn models(names: &[&str]) -> Result<()> {
     run_command(test)
 }
 
-/// The page, in this process.
+/// The page, in this process and in a browser.
 fn bench() -> Result<()> {
     let mut test = cargo("test --workspace --features tests/qemu --test link_commands");
     test.args(["page::no_forged", "page_served::every_click", "--", "--nocapture"]).env("SPRINGPOT_SWEEP", "full");
-    run_command(test)
+    run_command(test)?;
+    let browser = setup::chromium()?;
+    let [tool, _] = test::programs()?;
+    for run in ["sitting", "10"] {
+        let mut hours = command(setup::python()?, &["host-sim/tests/browser/hours.py", browser]);
+        hours.arg(&tool).arg(run);
+        run_command(hours)?;
+    }
+    Ok(())
 }
 
 /// Builds the fuzzers and runs one after another, from the committed corpora on. What they find new stays below `target`.

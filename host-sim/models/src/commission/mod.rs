@@ -298,7 +298,8 @@ impl Course<'_> {
         let fit = fit::fit(&observations, &settings, self.stop, &|part| {
             let (done, all) = part.work;
             let done_s = self.plan.expected_s(Step::Fit) * done.min(all) / all.max(1);
-            (self.progress)(&Stage { work: (self.stage.work.0 + done_s, self.stage.work.1), ..self.stage.clone() });
+            let work = (self.stage.work.0 + done_s, self.stage.work.1);
+            (self.progress)(&Stage { what: format!("fit: {}", part.what), work, ..self.stage.clone() });
         })?;
         if self.stop.load(Ordering::Relaxed) {
             return Err(Error::Interrupted);

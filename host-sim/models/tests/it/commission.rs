@@ -321,20 +321,28 @@ fn bad_benches_do_not_pass() {
     assert!(5 * misnamed.len() <= cases.len(), "{misnamed:#?}");
 }
 
-/// Ended at any moment: 0 V, and no report.
+/// Ended at any moment: 0 V, and no report; what the excitation has measured until then is on the disk.
 #[test]
 fn a_sitting_that_is_ended_ends_at_0_v() {
     let count = if full_sweep() { 1000 } else { 10 };
     let mut random = Pcg64::seed_from_u64(3);
     let mut case = Case { preset: None, ..Case::random(8) };
     case.plan.steps[1] = Step::Excite;
+    let mut kept = 0;
     for _ in 0..count {
         let (folder, stop) = (tempfile::tempdir().expect("a folder"), AtomicBool::new(false));
-        let mut bench = Ended { bench: case.bench(Vec::new()), left: random.random_range(0..38_000), stop: &stop };
+        let rows = random.random_range(0..38_000);
+        let mut bench = Ended { bench: case.bench(Vec::new()), left: rows, stop: &stop };
         let report = commission::commission(&mut bench, &case.plan, folder.path(), &stop, &|_| ());
         assert!(matches!(report, Err(host_io::Error::Interrupted)), "{report:?}");
         assert!(bench.bench.film().1.abs() < 1.0, "{} V", bench.bench.film().1);
+        assert!(!folder.path().join(commission::RECORDING).exists());
+        if let Ok(part) = std::fs::read_to_string(folder.path().join("recording.csv.part")) {
+            assert!(part.lines().count() > rows, "{} lines of {rows} rows", part.lines().count());
+            kept += 1;
+        }
     }
+    assert!(2 * kept > count, "{kept} of {count}");
 }
 
 /// A bench at which Ctrl-C comes after so many rows.
