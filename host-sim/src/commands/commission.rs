@@ -267,6 +267,9 @@ impl Arguments {
         for finding in &mut report.findings {
             finding.measured = with_flags(&finding.measured);
         }
+        for warning in report.fit.iter_mut().flat_map(|fit| &mut fit.warnings) {
+            warning.text = with_flags(&warning.text);
+        }
         let made = self.record(&report);
         let document = Document::from_report(&made)?;
         let html = record_page::html(&report, &made.entries, &made.made, &document);
