@@ -86,7 +86,7 @@ impl Recording {
         let zeros = of(0.0, FAR);
         let (value, found) = if zeros.is_empty() {
             let candidates = runs.repeated(CODES).into_iter().map(|value| (value, CODES));
-            let beyond = runs.beyond().map(|value| (value, 2));
+            let beyond = runs.beyond().map(|value| (value, 1));
             let mut codes = candidates.chain(beyond).map(|(value, count)| (value, count, of(value, FAR_CODE)));
             let (value, _, found) = codes.find(|(_, count, found)| found.len() >= *count)?;
             (value, found)
@@ -215,14 +215,14 @@ impl Runs {
         found.into_iter().map(|(_, value)| value).collect()
     }
 
-    /// The smallest and the largest value, of two runs or more, where it is beyond twice all others.
+    /// The smallest and the largest value where it is beyond twice all others.
     fn beyond(&self) -> impl Iterator<Item = f64> {
         let at = |k: usize| self.ends.get(k).map(|(from, _)| self.values[*from]);
         let pair = |value: f64, next: f64| (value.abs() > BEYOND * next.abs()).then_some(value);
         let last = self.ends.len();
         let of = |outer: Option<f64>, next: &dyn Fn(usize) -> Option<f64>| {
             let count = self.with_value(outer?).len();
-            if count < 2 { None } else { pair(outer?, next(count)?) }
+            pair(outer?, next(count)?)
         };
         [of(at(0), &|count| at(count)), of(at(last.wrapping_sub(1)), &|count| at(last.checked_sub(count + 1)?))]
             .into_iter()

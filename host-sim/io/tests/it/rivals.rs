@@ -113,6 +113,10 @@ fn set_points_are_a_question() {
         [VOLTS, MM, order],
     );
     has(&folder.refused(&text, ""), &["Position", "asked for"]);
+    // Cells that were merged have their text in the first one, and those after the last are missing.
+    let merged =
+        file(["Time (s)", "HV (V)", "Laser (V)", "Position (mm)"], ";Amplifier;Setpoint\n", [VOLTS, MM, order]);
+    has(&folder.refused(&merged, ""), &["asked for"]);
     let sound =
         file(["Time (s)", "HV (V)", "Laser (mm)", "T (°C)"], ";Amplifier;Measured;Room\n", [VOLTS, MM, ELSEWHERE]);
     assert_eq!(difference(&folder.read(&sound, "").expect("read")), None);

@@ -112,7 +112,7 @@ fn times_and_names_that_are_doubtful_are_questions() {
 }
 
 #[test]
-fn a_status_of_a_few_rows_is_noted() {
+fn a_status_of_a_few_rows_and_a_change_of_the_gain_are_noted() {
     let folder = Folder::new();
     for (good, bad) in [("OK", "ERR"), ("OK", "error 12"), ("Good", "Bad"), ("ok", "overrange"), ("gültig", "Fehler 3")]
     {
@@ -122,6 +122,15 @@ fn a_status_of_a_few_rows_is_noted() {
         let notes = folder.read(text, "").expect("read").notes().join("; ");
         let shown = if ["ERR", "overrange"].contains(&bad) { "an error" } else { bad };
         has(&notes, &["\"Status\"", shown, "3 rows", "line 42", "`blank`"]);
+    }
+    // A change of the gain.
+    for (name, before, after) in [("Gain", "x1", "x10"), ("Sensitivity", "1", "10"), ("Verstärkung", "1", "2")] {
+        let text = |first: &'static str| {
+            text(&format!("{USUAL};{name}"), |k| with(k, &format!(";{}", if k < 40 { first } else { after })))
+        };
+        let notes = folder.read(text(before), "").expect("read").notes().join("; ");
+        has(&notes, &[&format!("{name:?}"), &format!("from {before} to {after}"), "line 42"]);
+        assert_eq!(folder.read(text(after), "").expect("read").notes().join("; ").find("changes"), None);
     }
 }
 

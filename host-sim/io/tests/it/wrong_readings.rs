@@ -79,7 +79,9 @@ fn drop_outs_that_are_numbers_are_found() {
     let (mut missed, mut count) = (Vec::new(), 0);
     for (name, rate_hz, drive) in DRIVES {
         for sensor in [(2e-3, 0.0, 0.0), (2e-3, 1e-5, 0.0), (5e-4, 5e-6, 1e-5), (-3e-3, 1e-5, 0.0)] {
-            for (code, times) in [(0.0, 1), (0.0, 4), (-1.0, 4), (9.999e-3, 4), (9.999e-3, 2), (0.0, 12)] {
+            for (code, times) in
+                [(0.0, 1), (0.0, 4), (-1.0, 4), (9.999e-3, 4), (9.999e-3, 2), (32.767e-3, 1), (0.0, 12)]
+            {
                 for length in [1, 3, 20] {
                     let (time_s, volts, mut reading) = recorded((rate_hz, drive), 0, sensor, &mut random);
                     let mut rows = Vec::new();

@@ -91,7 +91,8 @@ fn refuse_ambiguous(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) ->
         ));
     }
     let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
-    let rows = || table.rows().flatten();
+    // The fault of a row comes before what is doubtful behind it.
+    let rows = || table.rows().map_while(Result::ok);
     let is_named = chosen.iter().any(|column| column.by != By::Choice);
     let spare = || shifted::into_spare(rows(), titles, is_used).filter(|_| is_named);
     if table.separator == Separator::Comma

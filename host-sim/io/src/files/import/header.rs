@@ -165,9 +165,9 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
         .collect();
     if let Some(groups) = index.checked_sub(1).map(|above| rows[above]).filter(|groups| are_groups(groups, row)) {
         let mut group = "";
-        for (title, cell) in head.titles.iter_mut().zip(&groups.cells) {
+        for (k, title) in head.titles.iter_mut().enumerate() {
             // Cells of a spreadsheet that were merged have their text in the first one.
-            group = if cell.trim().is_empty() { group } else { cell.trim() };
+            group = groups.cells.get(k).map(|cell| cell.trim()).filter(|cell| !cell.is_empty()).unwrap_or(group);
             title.group = group.into();
         }
     }
@@ -190,10 +190,9 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
 /// Whether the row above the `names` has groups of columns.
 fn are_groups(groups: &TopRow, names: &TopRow) -> bool {
     let filled = groups.cells.iter().filter(|cell| !cell.trim().is_empty()).count();
-    groups.cells.len() == names.cells.len()
+    groups.cells.len() <= names.cells.len()
         && filled > 1
-        && (groups.cells[0].trim().is_empty() || filled == groups.cells.len())
-        && filled + 1 >= names.cells.len()
+        && (groups.cells[0].trim().is_empty() || filled == names.cells.len())
         && names.cells.len() > 2
         && !groups.cells.iter().any(is_number)
         && key(&groups.cells[0]).is_none()

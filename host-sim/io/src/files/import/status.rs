@@ -1,4 +1,4 @@
-//! Columns of texts that say of a few rows that something was wrong.
+//! Columns that say of a few rows that something was wrong, or that the gain of an instrument changed.
 
 use super::chosen::Chosen;
 use super::names::Title;
@@ -10,11 +10,16 @@ const FAULTS: &str = "err bad nok ng fail fault invalid alarm overrange overflow
 /// A status is that of this part of the rows at most; more of them are a matter of the whole file.
 const MAX_PART: f64 = 0.5;
 
-/// Remarks on the rows of which a column that is not `chosen` says that they are faulty.
+/// Words for the size of a reading in the name of a column. Not ranges: an instrument that chooses its range accounts for it.
+const GAINS: &str = "gain sensitivity scale scaling factor verstärkung empfindlichkeit sensibilité ganancia escala \
+    guadagno scala";
+
+/// Remarks on columns that are not `chosen`: rows that are faulty by them, and changes of the gain.
 pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Vec<String> {
-    let is_unused = |index: &usize| titles[*index].text && chosen.iter().all(|column| column.index != *index);
-    let indices: Vec<usize> = (0..titles.len()).filter(is_unused).collect();
-    let mut found: Vec<Option<(usize, u64, String)>> = vec![None; indices.len()];
+    let is_unused = |index: &usize| chosen.iter().all(|column| column.index != *index);
+    let is_seen = |index: &usize| is_unused(index) && (titles[*index].text || is_gain(&titles[*index].name));
+    let indices: Vec<usize> = (0..titles.len()).filter(is_seen).collect();
+    let mut found = vec![Found::default(); indices.len()];
     let mut rows = 0;
     if indices.is_empty() || matches!(source, Source::Series(_)) {
         return Vec::new();
@@ -23,24 +28,63 @@ pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Vec<
     let _ = source.each(&indices, |line, values| {
         rows += 1;
         for (found, value) in found.iter_mut().zip(values) {
-            let shown = match value {
-                Value::Text(text) if is_fault(text) => format!("{:?}", text.chars().take(40).collect::<String>()),
-                Value::OutOfRange => "an error".into(),
-                _ => continue,
-            };
-            found.get_or_insert((0, line, shown)).0 += 1;
+            found.see(line, *value);
         }
         Ok(())
     });
-    let note = |(index, found): (&usize, Option<(usize, u64, String)>)| {
-        let (count, line, text) = found.filter(|(count, ..)| (*count as f64) < MAX_PART * f64::from(rows))?;
+    indices.iter().zip(found).filter_map(|(index, found)| found.remark(&titles[*index].name, rows)).collect()
+}
+
+/// Cells of a column.
+#[derive(Clone, Debug, Default)]
+struct Found {
+    /// The line of the first fault, the text, and how many there are.
+    fault: Option<(u64, String)>,
+    faults: usize,
+    /// The last cell, and the line and the two cells of the first change.
+    last: Option<String>,
+    change: Option<(u64, [String; 2])>,
+}
+
+impl Found {
+    fn see(&mut self, line: u64, value: Value<'_>) {
+        let shown = match value {
+            Value::Text(text) => text.trim().chars().take(40).collect::<String>(),
+            Value::Number(number) => number.to_string(),
+            Value::OutOfRange => "an error".into(),
+            Value::Nothing | Value::Ended => return,
+        };
+        if matches!(value, Value::OutOfRange) || matches!(value, Value::Text(text) if is_fault(text)) {
+            self.faults += 1;
+            self.fault.get_or_insert_with(|| (line, shown.clone()));
+        } else if self.last.as_ref() != Some(&shown)
+            && let Some(last) = self.last.replace(shown.clone())
+        {
+            self.change.get_or_insert((line, [last, shown]));
+        }
+    }
+
+    fn remark(self, name: &str, rows: u32) -> Option<String> {
+        if is_gain(name)
+            && let Some((line, [before, after])) = self.change
+        {
+            return Some(format!(
+                "{name:?} changes from {before} to {after} in line {line}, and the readings are used as they are; if they do not have one unit on \
+                 both sides of it, import them as two files"
+            ));
+        }
+        let (line, text) = self.fault.filter(|_| (self.faults as f64) < MAX_PART * f64::from(rows))?;
+        let count = self.faults;
         Some(format!(
-            "{:?} says {text} in {count} rows, the first in line {line}, whose readings are used; if they are not valid, leave their cells empty or use \
-             `blank`",
-            titles[*index].name
+            "{name:?} says {text:?} in {count} rows, the first in line {line}, whose readings are used; if they are not valid, leave their cells empty \
+             or use `blank`"
         ))
-    };
-    indices.iter().zip(found).filter_map(note).collect()
+    }
+}
+
+fn is_gain(name: &str) -> bool {
+    let lower = name.to_lowercase();
+    lower.split(|c: char| !c.is_alphanumeric()).any(|word| GAINS.split_whitespace().any(|gain| gain == word))
 }
 
 fn is_fault(text: &str) -> bool {
