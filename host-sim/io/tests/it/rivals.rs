@@ -50,7 +50,7 @@ fn a_column_whose_unit_cannot_be_read_is_a_rival() {
     assert_eq!(difference(&folder.read(&field, "voltage=2:V*100").expect("answered")), None);
 }
 
-/// A factor in a title, in any form, is a question; a number of a channel is not.
+/// A factor or a computation in a title, in any form, is a question; a number of a channel is not.
 #[test]
 fn factors_in_titles_are_a_question() {
     let folder = Folder::new();
@@ -68,6 +68,16 @@ fn factors_in_titles_are_a_question() {
         ("HV (V)", "Weg 10fach (mm)"),
         ("HV (V)", "Laser, 10-fold (mm)"),
         ("HV (V)", "Laser times 10 (mm)"),
+        ("HV (V)", "Laser (x2) (mm)"),
+        ("HV (V)", "2 x Laser (mm)"),
+        ("HV (V)", "half Laser (mm)"),
+        ("HV (V)", "Weg doppelt (mm)"),
+        ("HV (V)", "Laser² (mm)"),
+        ("HV (V)", "dLaser/dt (mm)"),
+        ("HV (V)", "Laser diff. (mm)"),
+        ("HV (V)", "minus Laser (mm)"),
+        ("HV (V)", "Laser (neg.) (mm)"),
+        ("HV (V)", "abs(Laser) (mm)"),
     ] {
         let text = file(["Time (s)", voltage, laser, "T (°C)"], "", [VOLTS, MM, ELSEWHERE]);
         let error = folder.refused(&text, "");
@@ -77,7 +87,13 @@ fn factors_in_titles_are_a_question() {
         let text = file([time, "HV (V)", "Laser (mm)", "T (°C)"], "", [VOLTS, MM, ELSEWHERE]);
         has(&folder.refused(&text, ""), &[time, "`columns` time=1"]);
     }
-    for (time, laser) in [("Time (s)", "Laser 2 mm"), ("t2 (s)", "Laser CH2 (mm)"), ("Time (s)", "Laser 2 (mm)")] {
+    for (time, laser) in [
+        ("Time (s)", "Laser 2 mm"),
+        ("t2 (s)", "Laser CH2 (mm)"),
+        ("Time (s)", "Laser 2 (mm)"),
+        ("Time (s)", "Laser x2 (mm)"),
+        ("Time (s)", "CH 2 x (mm)"),
+    ] {
         let text = file([time, "HV (V)", laser, "T (°C)"], "", [VOLTS, MM, ELSEWHERE]);
         assert_eq!(difference(&folder.read(&text, "").expect("read")), None, "{time} {laser}");
     }

@@ -386,12 +386,12 @@ impl State {
             );
             (
                 finding,
-                "record the amplifier's monitor and the stroke with one clock and without filters, and steps or faster cycles; `sensor_delay_s` states a known delay",
+                "record the amplifier's monitor and the stroke with one clock and without filters, and steps or faster cycles; fit `sensor_delay_s` states a known delay",
             )
         } else {
             let finding =
                 format!("the drive lags the stroke by about {ms:.0} ms: a slow monitor, or clocks that differ");
-            (finding, "record both with one clock and without filters; `sensor_delay_s` states a known difference")
+            (finding, "record both with one clock and without filters; fit `sensor_delay_s` states a known difference")
         };
         let (size, effect) = (TAU * fastest_hz * lag_s.abs() / 3.0, Effect::Lag(lag_s));
         Some(Fault { file: None, finding, advice, size, effect })

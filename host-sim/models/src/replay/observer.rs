@@ -160,7 +160,14 @@ impl ObservedRecording {
             options.bandwidth_hz = options.bandwidth_hz.min(options.max_bandwidth_hz());
             options = options.below_resonance(&parameters.film().compressed_law::<f64>(self.grid.rate_hz)?);
         }
-        estimate(parameters, &self.voltage_v, &self.measured, self.grid, options, precision, progress)
+        let estimates = estimate(parameters, &self.voltage_v, &self.measured, self.grid, options, precision, progress);
+        estimates.map_err(|error| match error {
+            // Here it is the parameters' own.
+            Error::Field { field: "sensor_delay_s", cause } => {
+                Error::Computation(format!("sensor_delay_s of the parameters: {cause}"))
+            }
+            error => error,
+        })
     }
 }
 

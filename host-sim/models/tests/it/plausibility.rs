@@ -46,7 +46,7 @@ fn films_of_the_field_pass() {
     }
 }
 
-/// One quantity in another unit: the share of films that are refused or doubted. Grams of a weight of up to 20 g on a thick film, and the
+/// One quantity in another unit: the share of films that are refused or doubted. Grams of a weight of a few grams on a thick film, and the
 /// shorter side of a film in millimetres where it is at most 5 mm, can be those of another film.
 #[test]
 fn a_wrong_unit_is_refused_with_the_right_value() {
@@ -59,7 +59,7 @@ fn a_wrong_unit_is_refused_with_the_right_value() {
         ("width_m", |film| (&mut film.width_m, 1e6), 1.0),
         ("thickness_m", |film| (&mut film.thickness_m, 1e3), 1.0),
         ("thickness_m", |film| (&mut film.thickness_m, 1e6), 1.0),
-        ("mass_kg", |film| (&mut film.mass_kg, 1e3), 0.5),
+        ("mass_kg", |film| (&mut film.mass_kg, 1e3), 0.8),
         ("relative_permittivity", |film| (&mut film.relative_permittivity, springpot::EPSILON_0), 1.0),
     ];
     for (name, change, least) in changes {
@@ -91,11 +91,16 @@ fn a_wrong_unit_is_refused_with_the_right_value() {
 #[test]
 fn films_in_centimetres_or_inches_are_found() {
     let mut rng = Pcg64::seed_from_u64(30);
-    for (unit, factor, least) in [("centimetres", 100.0, 1.0), ("inches", 39.37, 0.97)] {
+    // With the thickness in that unit, or in metres.
+    for (unit, factor, thickness, least) in [
+        ("centimetres", 100.0, 100.0, 1.0),
+        ("inches", 39.37, 39.37, 0.97),
+        ("centimetres, thickness in metres", 100.0, 1.0, 0.9),
+    ] {
         let cases = 4000;
         let is_found = |film: Actuator| {
             let Actuator { length_m, width_m, thickness_m, .. } = film;
-            let [length_m, width_m, thickness_m] = [length_m, width_m, thickness_m].map(|size| factor * size);
+            let [length_m, width_m, thickness_m] = [factor * length_m, factor * width_m, thickness * thickness_m];
             let wrong = Actuator { length_m, width_m, thickness_m, ..film };
             plausibility::check(&wrong).is_err() || !plausibility::doubts(&wrong, false).is_empty()
         };

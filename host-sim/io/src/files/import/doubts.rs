@@ -38,10 +38,9 @@ pub fn refuse_rows(
     let others = others(chosen, titles);
     if let Source::Text(_, table) = source {
         let rows = || table.rows().flatten();
-        let is_named = chosen.iter().any(|column| column.by != By::Choice);
         let by_comma =
             || shifted::by_milliseconds(rows(), titles, chosen).filter(|_| table.separator == Separator::Comma);
-        if let Some(fault) = shifted::by_counts(rows(), titles).or_else(by_comma).filter(|_| is_named) {
+        if let Some(fault) = shifted::by_counts(rows(), titles).or_else(by_comma).filter(|_| is_named(chosen)) {
             return Err(fault);
         }
         if !table.sheet && table.separator != Separator::Blanks {
@@ -54,6 +53,29 @@ pub fn refuse_rows(
     let Some(time) = time_of(chosen) else { return Ok(()) };
     refuse_hours(source, time, titles)?;
     dates::refuse(source, time, titles, &others)
+}
+
+/// Refuses rows whose cells are shifted by commas that do not separate cells, in all rows alike, before the `chosen` columns are read.
+///
+/// # Errors
+///
+/// The first line that it concerns, the cause and what to do.
+pub fn refuse_commas(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Result<(), (u64, String)> {
+    let Source::Text(_, table) = source else { return Ok(()) };
+    let rows = || table.rows().map_while(Result::ok);
+    let spare = || shifted::into_spare(rows(), titles, |index| is_used(chosen, index)).filter(|_| is_named(chosen));
+    let by_comma = || shifted::by_thousands(rows()).or_else(spare);
+    (table.separator == Separator::Comma).then(by_comma).flatten().map_or(Ok(()), Err)
+}
+
+/// Whether the column at `index` is read.
+fn is_used(chosen: &[Chosen], index: usize) -> bool {
+    chosen.iter().any(|column| column.index == index)
+}
+
+/// Whether a column is chosen by its name.
+fn is_named(chosen: &[Chosen]) -> bool {
+    chosen.iter().any(|column| column.by != By::Choice)
 }
 
 fn time_of(chosen: &[Chosen]) -> Option<&Chosen> {
@@ -90,13 +112,11 @@ fn refuse_ambiguous(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) ->
             format!("a column has the unit {unit} here and {before} before; write all rows in one unit"),
         ));
     }
-    let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
     // The fault of a row comes before what is doubtful behind it.
     let rows = || table.rows().map_while(Result::ok);
-    let is_named = chosen.iter().any(|column| column.by != By::Choice);
-    let spare = || shifted::into_spare(rows(), titles, is_used).filter(|_| is_named);
     if table.separator == Separator::Comma
-        && let Some(fault) = shifted::by_thousands(rows()).or_else(spare)
+        && is_named(chosen)
+        && let Some(fault) = shifted::by_fraction(rows(), |index| is_used(chosen, index))
     {
         return Err(fault);
     }

@@ -307,6 +307,9 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     let indices: Vec<usize> = chosen.iter().map(|column| column.index).collect();
     let names: Vec<String> = chosen.iter().map(|column| column.name(&titles)).collect();
     let may_repeat = hints.repeated_times.is_some();
+    // What all rows together show is no fault of one of them.
+    let of_all = |(line, cause)| Error::file(path, format!("line {line}: {cause}"));
+    doubts::refuse_commas(source, &chosen, &titles).map_err(of_all)?;
     doubts::refuse_cells(source, &chosen, &titles, may_repeat).map_err(|(line, cause)| at(path, line, cause))?;
     let interval_s = interval_s(source, &chosen, hints).map_err(|(line, cause)| at(path, line, cause))?;
     let mut times = Times::new(interval_s, hints.repeated_times.is_some(), source.starts());
@@ -357,8 +360,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     if let (Some(column), Some(unit)) = (without_unit, unit) {
         (column.unit, column.factor) = (unit.name.into(), unit.factor);
     }
-    doubts::refuse_rows(source, &chosen, &titles, &clock_s)
-        .map_err(|(line, cause)| Error::file(path, format!("line {line}: {cause}")))?;
+    doubts::refuse_rows(source, &chosen, &titles, &clock_s).map_err(of_all)?;
     let columns = chosen.iter().map(|column| column.quantity).zip(columns);
     let columns = columns.filter(|(quantity, column)| *quantity != Quantity::Time && column.has_values()).collect();
     let head = source.head();

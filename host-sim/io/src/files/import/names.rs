@@ -105,7 +105,7 @@ impl Doubt {
             None => says(DERIVED) || says(STEPS),
             Some(_) => says(DERIVED),
         };
-        if is_derived || is_negated(name) {
+        if is_derived || is_negated(name) || name.contains("/dt") {
             return Some(Self::Derived);
         }
         if matches!(quantity, None | Some(Quantity::Displacement)) && says(SIZES) {
@@ -119,7 +119,7 @@ impl Doubt {
         }
         // A second laser is x2, a second voltage is not.
         let is_doubled = || quantity == Some(Quantity::Voltage) && words.iter().any(|word| is_factor(word));
-        (is_scaled(name) || is_doubled()).then_some(Self::Scaled)
+        (is_scaled(name) || base.contains(['²', '³']) || is_doubled()).then_some(Self::Scaled)
     }
 }
 
@@ -145,7 +145,7 @@ fn is_factor(word: &str) -> bool {
     number.is_some_and(|number| number.parse::<u32>().is_ok_and(|number| number > 1))
 }
 
-/// Whether `name` has a factor or a power in it: x10, x 10, ×1000, 2*, /100, ^2, 1000:1, 1 V = 5 mm, % of 5 mm, tenths of mm or 10fach.
+/// Whether `name` has a factor or a power in it: x10, (x2), 2 x, x 10, ×1000, 2*, /100, ^2, 1000:1, 1 V = 5 mm, % of 5 mm, tenths of mm or 10fach.
 fn is_scaled(name: &str) -> bool {
     let begins_in_number = |word: &str| word.starts_with(|c: char| c.is_ascii_digit());
     let words = words(name);
@@ -162,7 +162,11 @@ fn is_scaled(name: &str) -> bool {
     let parts: Vec<&str> =
         name.split(|c: char| c.is_whitespace() || "()[]{},;_".contains(c)).filter(|p| !p.is_empty()).collect();
     let is_apart = |pair: &[&str]| matches!(pair[0], "x" | "X" | "×" | "*" | "/") && is_other(pair[1]);
+    let is_first = matches!(parts.as_slice(), [first, "x" | "X" | "×", _, ..] if is_other(first));
+    let is_in_brackets = || without_brackets(name).1.iter().any(|text| is_factor(&text.trim().to_lowercase()));
     name.contains('^')
+        || is_first
+        || is_in_brackets()
         || parts.windows(2).any(is_apart)
         || parts.iter().any(|part| {
             let factor = part.strip_prefix(['x', 'X', '×']).or_else(|| part.strip_suffix(['x', 'X', '×']));

@@ -102,26 +102,30 @@ pub fn fewer_cells(cells: usize, columns: usize) -> String {
     )
 }
 
-/// The line and the cause where commas may be the decimal signs or the thousands of all `rows` as well as their separators: they are shifted by
-/// as many cells as there is room for behind the last of `titles` that has a name and `is_used`.
+/// The line and the cause where a comma may be a decimal sign as well as a separator: a cell that `is_used` begins with a zero.
+pub fn by_fraction<'a>(
+    mut rows: impl Iterator<Item = (u64, Vec<&'a str>)>,
+    is_used: impl Fn(usize) -> bool,
+) -> Option<(u64, String)> {
+    let is_fraction =
+        |cell: &str| cell.len() > 1 && cell.starts_with('0') && cell.bytes().all(|byte| byte.is_ascii_digit());
+    rows.find_map(|(line, cells)| {
+        let cell = cells.iter().enumerate().find(|(index, cell)| is_used(*index) && is_fraction(cell))?.1;
+        let cause = format!(
+            "{cell:?} may be the digits behind a decimal comma, which shifts the values; export with a decimal point, or separated by \
+             semicolons; if it is a number of its own, name the columns by number with `columns`"
+        );
+        Some((line, cause))
+    })
+}
+
+/// The first line and the cause where commas may be the decimal signs or the thousands of all `rows` as well as their separators: they are
+/// shifted by as many cells as there is room for behind the last of `titles` that has a name and `is_used`.
 pub fn into_spare<'a>(
     mut rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Clone,
     titles: &[Title],
     is_used: impl Fn(usize) -> bool,
 ) -> Option<(u64, String)> {
-    let is_fraction =
-        |cell: &str| cell.len() > 1 && cell.starts_with('0') && cell.bytes().all(|byte| byte.is_ascii_digit());
-    let fraction = |(line, cells): (u64, Vec<&'a str>)| {
-        let found = cells.into_iter().enumerate().find(|(index, cell)| is_used(*index) && is_fraction(cell));
-        found.map(|(_, cell)| (line, cell))
-    };
-    if let Some((line, cell)) = rows.clone().find_map(fraction) {
-        let cause = format!(
-            "{cell:?} may be the digits behind a decimal comma, which shifts the values; export with a decimal point, or separated by \
-             semicolons; if it is a number of its own, name the columns by number with `columns`"
-        );
-        return Some((line, cause));
-    }
     let named = titles.iter().rposition(|title| !title.name.is_empty())? + 1;
     let (line, cells) = rows.clone().next()?;
     // Without a cell more than there are names, and values in the last, nothing can be shifted.

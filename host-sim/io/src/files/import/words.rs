@@ -46,7 +46,8 @@ pub(super) const OTHER_UNITS: &str = "count counts cts digit digits pulse pulses
 
 /// Words of a factor.
 pub(super) const FACTORS: &str = "tenth tenths hundredth hundredths hundred hundreds thousand thousands zehntel hundertstel tausendstel dixième \
-    dixièmes centième centièmes décima décimas fold fach";
+    dixièmes centième centièmes décima décimas fold fach \
+    half halved double doubled twice hälfte halb halbe doppelt doble mitad moitié";
 
 /// Letters that name a quantity where they are all of a name.
 pub(super) const LETTERS: &[(Quantity, &str)] = &[
@@ -69,7 +70,7 @@ pub(super) const DERIVED: &str = "rms eff effekti efficac eficaz filter filtr sm
     stdev sigma varian error err deviation dev abweich fehler schlepp residu theor théor model fem simul predict \
     estimat geschätzt expected calc comput berechnet fit fitted detrend normaliz normalis normier interpol \
     corrected offset zero tare ripple noise ac range scale gain amplitude envelope delta drift cumul squared \
-    resolution auflösung uncertain unsicher initial inverted negated fft log log10 sqrt velocity \
+    resolution auflösung uncertain unsicher initial inverted inv negated neg negative negativ minus abs diff differenc differenz increment fft log log10 sqrt velocity \
     travelled traveled accumul path zurückgelegt increments dvoltage hex geschwindigkeit 速度 误差 誤差 平均 最大 最小 有效 実効 峰值";
 /// Words for the time from one row to the next.
 pub(super) const STEPS: &str = "interval intervall dt";

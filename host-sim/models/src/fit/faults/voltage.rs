@@ -128,7 +128,7 @@ impl State {
                 &shifted,
                 "the stroke lags the drive by about {}: a late sensor, or an amplifier behind its command",
                 milliseconds,
-                "`sensor_delay_s` states a known delay; record both with one clock and without filters",
+                "fit `sensor_delay_s` states a known delay; record both with one clock and without filters",
                 Effect::Lag,
             ),
             (
