@@ -161,6 +161,7 @@ fn sound_rows_are_read_without_a_question() {
         text(&format!("{USUAL};Phase"), |k| format!("{};{}", step(k), ["rest", "hold"][k / 10 % 2])),
         text(&format!("{USUAL};Target"), |k| format!("{};{};0.1;{}", at(k), 1000 * (k % 4), 1000 * (k % 4))),
         text(FILM, |k| format!("{};A;{}", at(k), film(k, 0.3))),
+        text(USUAL, |k| with(k, "")).replace(';', "|").replacen('\n', "\n---|:--:|---\n", 1),
         // Dates that do not change, or at midnight, alone or with the times.
         text(&format!("Date;{USUAL}"), |k| format!("24.11.2026;{}", with(k, ""))),
         text("Date;Time;HV (V);Laser (mm)", |k| midnight(k, ["24.11.2026", "25.11.2026"][k / 30])),

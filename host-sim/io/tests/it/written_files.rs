@@ -16,6 +16,9 @@ struct Dialect {
     comma: bool,
     /// Between groups of three digits.
     group: &'static str,
+    minus: &'static str,
+    /// Around each number.
+    quotes: (&'static str, &'static str),
     /// Digits behind the decimal sign of each column.
     digits: [usize; 3],
     preamble: &'static str,
@@ -60,10 +63,12 @@ fn dialect() -> impl Strategy<Value = Dialect> {
         select(styles),
     );
     let numbers = (
-        select(vec![";", ",", "\t", " ; "]),
+        select(vec![";", ",", "\t", " ; ", "|", " | "]),
         any::<bool>(),
         select(vec!["", " ", "'", "\u{a0}"]),
         [0..7_usize, 0..7, 0..7],
+        select(vec!["-", "\u{2212}", "\u{2013}"]),
+        select(vec![("", ""), ("", ""), ("\"", "\""), ("'", "'"), ("=\"", "\"")]),
     );
     (numbers, text, titles, Just(vec![0, 1, 2, 3]).prop_shuffle()).prop_map(|(numbers, text, titles, order)| Dialect {
         separator: numbers.0,
@@ -71,6 +76,9 @@ fn dialect() -> impl Strategy<Value = Dialect> {
         comma: numbers.1 && numbers.0 != ",",
         group: if numbers.0 == "," && numbers.2 == " " { "" } else { numbers.2 },
         digits: numbers.3,
+        // Latin-1 has one minus.
+        minus: if text.2 == 2 { "-" } else { numbers.4 },
+        quotes: numbers.5,
         preamble: text.0,
         line_end: text.1,
         encoding: text.2,
@@ -93,12 +101,14 @@ impl Dialect {
             }
             grouped.push(digit);
         }
-        let sign = if value < 0 { "-" } else { "" };
-        match (digits, self.comma) {
-            (0, _) => format!("{sign}{grouped}"),
-            (_, true) => format!("{sign}{grouped},{broken}"),
-            (_, false) => format!("{sign}{grouped}.{broken}"),
-        }
+        let sign = if value < 0 { self.minus } else { "" };
+        let decimal = match (digits, self.comma) {
+            (0, _) => "",
+            (_, true) => ",",
+            (_, false) => ".",
+        };
+        let (before, behind) = self.quotes;
+        format!("{before}{sign}{grouped}{decimal}{broken}{behind}")
     }
 
     fn file(&self, rows: &[[i64; 3]]) -> Vec<u8> {

@@ -147,10 +147,11 @@ pub fn of_convergence(converged: bool, warnings: &mut Vec<Warning>) {
 
 /// Values of `candidate` that the data do not determine.
 pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings: &mut Vec<Warning>) {
-    for set in &uncertainty.undetermined {
-        let branches = described_branches(candidate, &|branch| set.contains(&format!("branches[{branch}]")));
+    if !uncertainty.undetermined.is_empty() {
+        let sets = uncertainty.undetermined.join("; ");
+        let branches = described_branches(candidate, &|branch| sets.contains(&format!("branches[{branch}]")));
         warnings.push(
-            Severity::Note.warning(format!("the recordings leave {set} free: other values fit as well{branches}")),
+            Severity::Note.warning(format!("the recordings leave {sets} free: other values fit as well{branches}")),
         );
     }
     let at_bound = |branch: usize, quantity: &str| {

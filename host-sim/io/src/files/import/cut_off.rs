@@ -52,7 +52,7 @@ fn is_cut(cell: &str, column: &[&str], decimal: Decimal, has_end: bool) -> bool 
     let Some(values) = values else { return false };
     let Cell::Number(value) = numbers::cell(cell, decimal) else {
         // A sign, an exponent without digits, or no digit at all, where all others are numbers.
-        return !has_end && cell.chars().all(|c| c.is_ascii_digit() || "+-.,eEdD\u{2212}".contains(c));
+        return !has_end && cell.chars().all(|c| c.is_ascii_digit() || "+-.,eEdD\u{2212}\u{2013}".contains(c));
     };
     let digits = |cell: &str| Digits::new(cell, decimal);
     let (own, first) = (digits(cell), digits(column[0]));

@@ -112,7 +112,6 @@ fn refuse_ambiguous(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) ->
             format!("a column has the unit {unit} here and {before} before; write all rows in one unit"),
         ));
     }
-    // The fault of a row comes before what is doubtful behind it.
     let rows = || table.rows().map_while(Result::ok);
     if table.separator == Separator::Comma
         && is_named(chosen)

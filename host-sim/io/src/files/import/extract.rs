@@ -310,7 +310,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     // What all rows together show is no fault of one of them.
     let of_all = |(line, cause)| Error::file(path, format!("line {line}: {cause}"));
     doubts::refuse_commas(source, &chosen, &titles).map_err(of_all)?;
-    doubts::refuse_cells(source, &chosen, &titles, may_repeat).map_err(|(line, cause)| at(path, line, cause))?;
+    let mut doubt = doubts::refuse_cells(source, &chosen, &titles, may_repeat).err();
     let interval_s = interval_s(source, &chosen, hints).map_err(|(line, cause)| at(path, line, cause))?;
     let mut times = Times::new(interval_s, hints.repeated_times.is_some(), source.starts());
     let mut columns: Vec<Column> = names.iter().map(|name| Column::empty(name.clone())).collect();
@@ -319,6 +319,10 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     let read: Vec<usize> = indices.iter().copied().chain(fractions.iter().map(|fraction| fraction.index)).collect();
     source
         .each(&read, |line, values| {
+            // The fault of a row comes before what is doubtful behind it.
+            if let Some((_, cause)) = doubt.take_if(|(doubtful, _)| *doubtful <= line) {
+                return Err(cause);
+            }
             let of_second = |(value, fraction): (&Value<'_>, &fractions::Fraction)| match value {
                 Value::Number(number) => number * fraction.unit_s,
                 _ => 0.0,
@@ -341,6 +345,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
             }
             Ok(())
         })
+        .and_then(|()| doubt.map_or(Ok(()), Err))
         .map_err(|(line, cause)| at(path, line, cause))?;
     let mut used: Vec<UnderstoodColumn> = chosen
         .iter()

@@ -103,6 +103,7 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
         } else if forced.is_some()
             || filled == 0
             || (filled == 1 && columns > 1)
+            || is_rule(row)
             || key.is_some_and(|key| is_numeric || matches!(key, Key::Units | Key::Names))
             || (is_numeric && interval::is_named(&row.cells[0]))
         {
@@ -185,6 +186,11 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
     }
     (head.line, head.preamble) = (row.line, index);
     Ok(head)
+}
+
+/// Whether a `row` is a line between the names and the numbers: `---|:--:|---`.
+fn is_rule(row: &TopRow) -> bool {
+    row.cells.iter().all(|cell| cell.chars().all(|c| "-=_:+ ".contains(c)))
 }
 
 /// Whether the row above the `names` has groups of columns.

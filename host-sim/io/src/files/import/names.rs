@@ -135,7 +135,7 @@ fn has(word: &str, part: &str) -> bool {
 
 /// Whether `name` begins with a minus: `-Voltage`.
 fn is_negated(name: &str) -> bool {
-    let behind = name.trim_start().strip_prefix(['-', '\u{2212}']);
+    let behind = name.trim_start().strip_prefix(['-', '\u{2212}', '\u{2013}']);
     behind.is_some_and(|name| name.trim_start().starts_with(char::is_alphabetic))
 }
 

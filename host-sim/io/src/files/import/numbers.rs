@@ -97,7 +97,7 @@ pub fn number(text: &str, decimal: Decimal) -> Option<f64> {
     {
         return text.parse().ok();
     }
-    let digits = text.strip_prefix(['+', '-', '\u{2212}']).unwrap_or(text);
+    let digits = text.strip_prefix(['+', '-', '\u{2212}', '\u{2013}']).unwrap_or(text);
     let mantissa = mantissa(digits);
     let exponent = &digits[mantissa.len()..];
     let (whole, broken) = mantissa.split_once(decimal.sign()).unwrap_or((mantissa, ""));
@@ -120,7 +120,7 @@ pub fn number(text: &str, decimal: Decimal) -> Option<f64> {
     if !exponent.is_empty() && !all_digits(exponent[1..].trim_start_matches(['+', '-'])) {
         return None;
     }
-    let sign = if text.starts_with(['-', '\u{2212}']) { "-" } else { "" };
+    let sign = if text.starts_with(['-', '\u{2212}', '\u{2013}']) { "-" } else { "" };
     format!("{sign}{whole}.{broken}{}", exponent.replace(['d', 'D'], "e")).parse().ok()
 }
 
@@ -184,7 +184,7 @@ impl Signs {
             self.plain += 1;
             return;
         }
-        let digits = text.trim_start_matches(['+', '-', '\u{2212}']);
+        let digits = text.trim_start_matches(['+', '-', '\u{2212}', '\u{2013}']);
         let mantissa = mantissa(digits);
         let is_number = || [Decimal::Point, Decimal::Comma].iter().any(|&sign| number(digits, sign).is_some());
         if mantissa.is_empty() || !(plain.is_some() || is_number()) {

@@ -11,19 +11,22 @@ pub enum Separator {
     Semicolon,
     /// Commas.
     Comma,
+    /// Vertical bars.
+    Bar,
     /// Blanks, any number of them.
     Blanks,
 }
 
 impl Separator {
     /// In their order; blanks occur beside other separators as well.
-    pub(super) const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Blanks];
+    pub(super) const ALL: [Self; 5] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Bar, Self::Blanks];
 
     fn name_and_sign(self) -> (&'static str, &'static str) {
         match self {
             Self::Tab => ("tabs", "\t"),
             Self::Semicolon => ("semicolons", ";"),
             Self::Comma => ("commas", ","),
+            Self::Bar => ("vertical bars", "|"),
             Self::Blanks => ("blanks", " "),
         }
     }
@@ -43,6 +46,7 @@ impl Separator {
             Self::Tab => memchr2(b'\t', b'"', text),
             Self::Semicolon => memchr2(b';', b'"', text),
             Self::Comma => memchr2(b',', b'"', text),
+            Self::Bar => memchr2(b'|', b'"', text),
             Self::Blanks => memchr3(b' ', b'\t', b'"', text),
         }
     }
@@ -64,7 +68,7 @@ impl Separator {
             if line.as_bytes()[at] == b'"' {
                 // Two quotes in a quoted cell are a letter: the second opens it again.
                 let opens = line[start..at].trim_start();
-                quoted = !quoted && (opens.is_empty() || opens.ends_with('"'));
+                quoted = !quoted && (matches!(opens, "" | "=") || opens.ends_with('"'));
             } else if !quoted {
                 cells.push(bare(&line[start..at]));
                 start = next;
@@ -78,12 +82,14 @@ impl Separator {
     }
 }
 
-/// `cell` without blanks and quotes around it.
+/// `cell` without blanks and quotes around it, also those that keep a spreadsheet from changing it: `="0.01"`.
 pub(super) fn bare(cell: &str) -> &str {
-    let is_bare = |end: Option<&u8>| end.is_some_and(|byte| byte.is_ascii_graphic() && *byte != b'"');
+    let is_bare = |end: Option<&u8>| end.is_some_and(|byte| byte.is_ascii_graphic() && !b"\"'".contains(byte));
     if is_bare(cell.as_bytes().first()) && is_bare(cell.as_bytes().last()) {
         return cell;
     }
     let cell = cell.trim();
-    cell.strip_prefix('"').and_then(|cell| cell.strip_suffix('"')).map_or(cell, str::trim)
+    let quoted = cell.strip_prefix('=').filter(|text| text.starts_with('"')).unwrap_or(cell);
+    let inside = |quote: char| quoted.strip_prefix(quote)?.strip_suffix(quote);
+    inside('"').or_else(|| inside('\'')).map_or(cell, str::trim)
 }

@@ -492,6 +492,6 @@ fn no_rows(lines: &[Line<'_>]) -> String {
     }
     format!(
         "no rows of numbers; there must be a header, such as time_s,voltage_v,displacement_m of a recording, and two rows of numbers at \
-         least, separated by commas, semicolons, tabs or blanks; this begins with {begin:?}"
+         least, separated by commas, semicolons, tabs, vertical bars or blanks; this begins with {begin:?}"
     )
 }
