@@ -281,7 +281,8 @@ impl<M: ControllerMemory> Controller<M> {
             predicted_m: observer.displacement(),
             open_loop_m: self.motion.furthest(model_m),
             is_frozen: self.motion.is_frozen(must_move),
-            disturbance_share: disturbance_share + self.course.added() * self.shares_per_m,
+            // One must not hide the other.
+            disturbance_share: disturbance_share.abs() + self.course.added().abs() * self.shares_per_m,
         });
 
         if let Some(cause) = shown.fault
