@@ -217,6 +217,14 @@ pub fn of_ramp(rows: &[Row], report: &ramp::Report, band_hz: f64) -> Vec<Finding
             format!("the sensor stays at {:.4} mm of stroke up to {:.0} V", 1e3 * last.measured_m, last.voltage_v);
         findings.push(Finding::new(Cause::Saturation, measured));
     }
+    if let Some([expected_m, moved_m]) = report.stays_behind_m {
+        let measured = format!(
+            "as a part of the load was taken back, the reading moved by {:.4} mm of {:.4}",
+            1e3 * moved_m,
+            1e3 * expected_m
+        );
+        findings.push(Finding::new(Cause::Friction, measured));
+    }
     let of_step = |step: &ramp::Step| -> Vec<&Row> {
         rows.iter().filter(|row| (step.from_s..step.from_s + STEP_S).contains(&row.time_s)).collect()
     };

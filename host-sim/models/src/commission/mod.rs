@@ -12,7 +12,7 @@ pub mod simulated;
 pub mod verification;
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use host_io::choice::Choice;
 use indicatif::ProgressBar;
@@ -295,9 +295,12 @@ impl Course<'_> {
         let options = &self.plan.fit;
         let settings = options.settings(None, Some((self.plan.actuator, self.plan.assumed_sizes)))?;
         let (observations, _): (Vec<_>, Vec<_>) = options.observations(&[&recording])?.into_iter().unzip();
+        let furthest_s = AtomicU64::new(0);
         let fit = fit::fit(&observations, &settings, self.stop, &|part| {
             let (done, all) = part.work;
             let done_s = self.plan.expected_s(Step::Fit) * done.min(all) / all.max(1);
+            // Parts of a part begin anew.
+            let done_s = furthest_s.fetch_max(done_s, Ordering::Relaxed).max(done_s);
             let work = (self.stage.work.0 + done_s, self.stage.work.1);
             (self.progress)(&Stage { what: format!("fit: {}", part.what), work, ..self.stage.clone() });
         })?;

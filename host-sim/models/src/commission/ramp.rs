@@ -1,5 +1,7 @@
 //! The ramp: a film that is not known yet is driven in small steps, each predicted before it is taken.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
@@ -30,6 +32,10 @@ const SURE: f64 = 5.0;
 /// Share of the largest stroke by which the reading of a film at rest may drift over an excitation of so many seconds.
 const DRIFT: f64 = 0.1;
 const EXCITATION_S: f64 = 300.0;
+/// Share of the last load that is taken back at the end, and shares of that movement and of the stroke by which the reading may stay behind it.
+const BACK: f64 = 0.125;
+const BEHIND: f64 = 0.3;
+const HYSTERESIS: f64 = 0.015;
 /// A stroke below so many times the noise does not identify a film.
 const MIN_STROKE: f64 = 30.0;
 /// A step is seen from so many times the noise on.
@@ -100,6 +106,10 @@ pub struct Report {
     /// Change of its reading at rest where that is too large to identify a film, m/s.
     #[serde(default)]
     pub drift_m_per_s: Option<f64>,
+    /// Movement at the end of the ramp, when a part of the load is taken back, m: by the steps before, and as it is read. None where the reading
+    /// does not stay behind.
+    #[serde(default)]
+    pub stays_behind_m: Option<[f64; 2]>,
     /// Whether it ended as planned, not by a trip.
     pub is_complete: bool,
     /// Whether the film can be identified: it moves enough.
@@ -109,6 +119,7 @@ pub struct Report {
 enum Phase {
     Rest,
     Step,
+    Back,
     Down,
 }
 
@@ -127,10 +138,15 @@ pub struct Ramp {
     zero_m: f64,
     noise_m: f64,
     drift_m_per_s: Option<f64>,
+    stays_behind_m: Option<[f64; 2]>,
     predicted: (Option<f64>, Option<f64>),
     /// Displacement at the end of the present step as if it were not taken, m.
     without_m: f64,
     steps: Vec<Step>,
+    /// Growth of the load and movement within a second, m, of each step.
+    quick: Vec<(f64, f64)>,
+    /// Movement within the last second of the step before, m.
+    creep_m: f64,
     first_slope: Option<f64>,
     ended_by: Option<String>,
     rows: u64,
@@ -151,9 +167,12 @@ impl Ramp {
             zero_m: 0.0,
             noise_m: 0.0,
             drift_m_per_s: None,
+            stays_behind_m: None,
             predicted: (None, None),
             without_m: 0.0,
             steps: Vec::new(),
+            quick: Vec::new(),
+            creep_m: 0.0,
             first_slope: None,
             ended_by: None,
             rows: 0,
@@ -188,6 +207,10 @@ impl Ramp {
                 self.measure();
                 self.go_on(now_s);
             }
+            Phase::Back if now_s - self.since_s >= STEP_S => {
+                self.stays_behind_m = self.behind();
+                self.down(now_s);
+            }
             Phase::Down if now_s - self.since_s > FALL_S + RECOVERY_S => return None,
             _ => {}
         }
@@ -207,6 +230,7 @@ impl Ramp {
             stroke_m,
             noise_m: self.noise_m,
             drift_m_per_s: self.drift_m_per_s,
+            stays_behind_m: self.stays_behind_m,
             moves: stroke_m > MIN_STROKE * self.noise_m,
             is_complete: self.ended_by.is_some(),
             ended_by: self.ended_by.unwrap_or_else(|| "the run ended".into()),
@@ -228,16 +252,49 @@ impl Ramp {
         (volts / self.limits.voltage_v).powi(2)
     }
 
+    /// Mean of the rows of the present step in this part of it, s, m.
+    fn mean_m(&self, part_s: Range<f64>) -> f64 {
+        let at = |time_s: f64| ((time_s * ROWS_HZ) as usize).min(self.present.len());
+        let rows = &self.present[at(part_s.start)..at(part_s.end)];
+        rows.iter().sum::<f64>() / rows.len() as f64
+    }
+
+    /// Movement within the first second of the present step, beyond what the one before went on creeping, m.
+    fn quick_m(&self) -> f64 {
+        self.mean_m(0.8..1.2) - self.mean_m(0.0..0.1) - self.creep_m
+    }
+
+    /// The movements of a step back, by the last steps and as it was read, m, where the reading stays behind.
+    fn behind(&self) -> Option<[f64; 2]> {
+        let (moved_m, back) = (-self.quick_m(), self.share(self.from_v) - self.share(self.to_v));
+        // As far up.
+        let (mut loaded, mut grown_m) = (0.0, 0.0);
+        for (load, quick_m) in self.quick.iter().rev() {
+            if loaded >= back {
+                break;
+            }
+            grown_m += quick_m;
+            loaded += load;
+        }
+        let expected_m = grown_m * back / loaded;
+        let stroke_m = self.steps.last()?.measured_m;
+        // Of means of ten rows and more.
+        let noise_m = 0.5 * SURE * self.noise_m;
+        let least_m = (HYSTERESIS * stroke_m).max(BEHIND * expected_m).max(noise_m);
+        (expected_m - moved_m > least_m).then_some([expected_m, moved_m])
+    }
+
     /// Ends the present step.
     fn measure(&mut self) {
-        let last = &self.present[self.present.len().saturating_sub((MEAN_S * ROWS_HZ) as usize)..];
-        let measured_m = last.iter().sum::<f64>() / last.len().max(1) as f64 - self.zero_m;
+        let measured_m = self.mean_m(STEP_S - MEAN_S..f64::INFINITY) - self.zero_m;
+        self.quick.push((self.share(self.to_v) - self.share(self.from_v), self.quick_m()));
         // What the steps before still creep is no part of it.
         let moved_m = measured_m - self.without_m;
         let slope = moved_m / (self.share(self.to_v) - self.share(self.from_v));
         let is_seen = moved_m.abs() > SEEN * self.noise_m;
-        if is_seen && self.first_slope.is_none() {
-            self.first_slope = Some(slope);
+        // Friction may have held most of the first one.
+        if is_seen && self.steps.iter().filter(|step| step.slope.is_some()).count() < 2 {
+            self.first_slope = self.first_slope.into_iter().chain([slope]).reduce(f64::max);
         }
         let (predicted_m, minute_m) = self.predicted;
         let slope = self.first_slope.filter(|_| is_seen).map(|first| slope / first);
@@ -246,6 +303,7 @@ impl Ramp {
 
     /// The next step, or the way down.
     fn go_on(&mut self, now_s: f64) {
+        self.creep_m = self.mean_m(STEP_S - MEAN_S..f64::INFINITY) - self.mean_m(STEP_S - 1.0 - MEAN_S..STEP_S - 1.0);
         self.present.clear();
         (self.from_v, self.since_s) = (self.to_v, now_s);
         match self.next_voltage() {
@@ -256,11 +314,20 @@ impl Ramp {
                 self.predicted = (self.prediction(volts, STEP_S), self.prediction(volts, AHEAD_S));
             }
             Err(why) => {
-                self.phase = Phase::Down;
-                self.to_v = 0.0;
                 self.ended_by = Some(why);
+                if self.drift_m_per_s.is_some() || is_flat(&self.steps, self.noise_m) {
+                    self.down(now_s);
+                    return;
+                }
+                self.phase = Phase::Back;
+                self.to_v = (1.0 - BACK).sqrt() * self.from_v;
             }
         }
+    }
+
+    fn down(&mut self, now_s: f64) {
+        (self.from_v, self.to_v, self.since_s) = (self.to_v, 0.0, now_s);
+        self.phase = Phase::Down;
     }
 
     /// The voltage of the next step, V, or why there are no more.

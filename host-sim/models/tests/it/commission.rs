@@ -22,8 +22,8 @@ use springpot::{Actuator, Maxwell, Springpot, Topology};
 
 use crate::sweep::{full_sweep, sample};
 
-/// Most substeps of a film with full memory, of 2 ms: 17 minutes, or 26 with other segments.
-const SUBSTEPS: usize = 510_000;
+/// Most substeps of a film with full memory, of 2 ms: 26 minutes.
+const SUBSTEPS: usize = 765_000;
 
 /// A film on its bench, drawn at random.
 struct Case {
@@ -68,8 +68,7 @@ impl Case {
         let (plant, step_s): (Box<dyn Plant + '_>, f64) = match self.preset {
             Some((name, mismatch)) => {
                 let parameters = Parameters::preset(name).expect("a preset");
-                let substeps = if full_sweep() { SUBSTEPS + SUBSTEPS / 2 } else { SUBSTEPS };
-                let plant = FullMemoryPlant::at_rest(&parameters, mismatch, 2e-3, substeps);
+                let plant = FullMemoryPlant::at_rest(&parameters, mismatch, 2e-3, SUBSTEPS);
                 (Box::new(plant.expect("a plant")), 2e-3)
             }
             None => (Box::new(NonlinearPlant::at_rest(&self.film, 5e-4)), 5e-4),
@@ -119,7 +118,7 @@ fn sound_films_pass_and_their_bounds_hold() {
     for &seed in &seeds {
         let mut case = Case::random(seed);
         // Those that the record would have, and as many that no record has seen.
-        case.plan.segments = if full_sweep() { 120 } else { 60 };
+        case.plan.segments = 120;
         let report = case.run(Vec::new());
         let film = case.preset.map_or("film", |(name, _)| name);
         let others = [&report.feedforward, &report.tracking].map(|quality| within(quality.as_ref()));
@@ -142,6 +141,22 @@ fn sound_films_pass_and_their_bounds_hold() {
     );
     assert!(20 * passed >= 19 * seeds.len(), "{passed} of {}", seeds.len());
     assert!(held.is_empty() || within > 0.95, "{within}");
+}
+
+/// The ramp of a sound film ends without a finding; with friction of the sensor's target it ends with that.
+#[test]
+fn ramps_of_sound_films_have_no_findings() {
+    for seed in sample((0..300).collect(), 8) {
+        let mut case = Case::random(seed);
+        case.plan.steps[1] = Step::Ramp;
+        let sound = case.run(Vec::new());
+        assert!(sound.findings.is_empty(), "{seed}: {}", printed(&sound));
+        let ramp = sound.ramp.expect("a ramp");
+        let strength = 0.03 * ramp.stroke_m;
+        println!("{seed} {}", ramp.peak_v);
+        let stuck = case.run(vec![Fault { kind: FaultKind::Friction, strength }]);
+        assert!(stuck.findings.iter().any(|found| found.cause == Cause::Friction), "{seed}: {}", printed(&stuck));
+    }
 }
 
 /// Rows of a ramp on a film of this displacement (m) at a time (s) and a voltage, until the ramp ends.
@@ -186,6 +201,31 @@ fn a_ramp_ends_before_pull_in_and_where_the_sensor_drifts() {
         assert!(report.steps.is_empty() && (found / drift - 1.0).abs() < 0.2, "{case}: {drift} {found} {report:?}");
         let report = ramped(bench, &mut |_, volts| 1e-10 * volts * volts + noise_m * random.random_range(-1.7..1.7));
         assert_eq!(report.drift_m_per_s, None, "{case}");
+    }
+}
+
+/// Friction of the sensor's target shows at the end of the ramp, on films that creep, stiffen or soften, with noise; without friction nothing does.
+#[test]
+fn a_ramp_shows_friction() {
+    let mut random = Pcg64::seed_from_u64(13);
+    let limits = Limits::new(&Actuator::KARNER_2022, &Board::bench(&Actuator::KARNER_2022));
+    for case in 0..200 {
+        let (stroke_m, creep) = (limits.stroke_m * random.random_range(0.2..1.5), random.random_range(0.0..0.3));
+        let (bend, memory) = (random.random_range(-0.4..0.4), random.random_range(3e-4..1e-2));
+        let noise_m = stroke_m * random.random_range(0.0..1e-3);
+        // To both sides, as a share of the stroke that the ramp reaches.
+        for friction in [0.0, random.random_range(0.025..0.1)] {
+            let (mut crept, mut target_m) = (0.0, 0.0_f64);
+            let width_m = friction * stroke_m.min(0.9 * limits.stroke_m);
+            let report = ramped(limits, &mut |_, volts| {
+                let share = (volts / limits.voltage_v).powi(2);
+                crept += (share - crept) * memory;
+                let film_m = stroke_m * (share * (1.0 + bend * share) + creep * crept);
+                target_m = target_m.clamp(film_m - width_m, film_m + width_m);
+                target_m + noise_m * random.random_range(-1.7..1.7)
+            });
+            assert_eq!(report.stays_behind_m.is_some(), friction > 0.0, "{case}: friction {friction}, {report:?}");
+        }
     }
 }
 
@@ -321,24 +361,39 @@ fn bad_benches_do_not_pass() {
     assert!(5 * misnamed.len() <= cases.len(), "{misnamed:#?}");
 }
 
-/// Ended at any moment: 0 V, and no report; what the excitation has measured until then is on the disk.
+/// Ended at any moment of the excitation or of the verification: 0 V, and no report; what was measured until then is on the disk.
 #[test]
 fn a_sitting_that_is_ended_ends_at_0_v() {
     let count = if full_sweep() { 1000 } else { 10 };
     let mut random = Pcg64::seed_from_u64(3);
     let mut case = Case { preset: None, ..Case::random(8) };
-    case.plan.steps[1] = Step::Excite;
+    case.plan.steps[1] = Step::Fit;
+    let (begun, never) = (tempfile::tempdir().expect("a folder"), AtomicBool::new(false));
+    commission::commission(&mut case.bench(Vec::new()), &case.plan, begun.path(), &never, &|_| ()).expect("fitted");
     let mut kept = 0;
-    for _ in 0..count {
+    for k in 0..count {
         let (folder, stop) = (tempfile::tempdir().expect("a folder"), AtomicBool::new(false));
+        // The verification begins with a rest.
+        let (steps, file, rest_s) = match k % 2 {
+            0 => ([Step::SelfTest, Step::Excite], commission::RECORDING, 0.0),
+            _ => ([Step::Upload, Step::Verify], commission::VERIFICATION, case.plan.rest_s),
+        };
+        case.plan.steps = steps;
+        if k % 2 == 1 {
+            for entry in std::fs::read_dir(begun.path()).expect("a folder") {
+                let entry = entry.expect("a file");
+                std::fs::copy(entry.path(), folder.path().join(entry.file_name())).expect("copied");
+            }
+        }
         let rows = random.random_range(0..38_000);
         let mut bench = Ended { bench: case.bench(Vec::new()), left: rows, stop: &stop };
         let report = commission::commission(&mut bench, &case.plan, folder.path(), &stop, &|_| ());
-        assert!(matches!(report, Err(host_io::Error::Interrupted)), "{report:?}");
+        assert!(matches!(report, Err(host_io::Error::Interrupted)), "{file}, {rows} rows: {report:?}");
         assert!(bench.bench.film().1.abs() < 1.0, "{} V", bench.bench.film().1);
-        assert!(!folder.path().join(commission::RECORDING).exists());
-        if let Ok(part) = std::fs::read_to_string(folder.path().join("recording.csv.part")) {
-            assert!(part.lines().count() > rows, "{} lines of {rows} rows", part.lines().count());
+        assert!(!folder.path().join(file).exists());
+        if let Ok(part) = std::fs::read_to_string(folder.path().join(format!("{file}.part"))) {
+            let lines = part.lines().count() + (rest_s * commission::bench::ROWS_HZ) as usize;
+            assert!(lines > rows, "{lines} lines of {rows} rows");
             kept += 1;
         }
     }
