@@ -79,6 +79,8 @@ pub struct Fit {
     pub structures: Vec<StructureRow>,
     /// The range of the recordings, and the error on what was left out.
     pub recorded: Recorded,
+    /// Largest RMS error to expect of feedforward, or of a predicted force, within what was recorded, % of the stroke or of the force's range.
+    pub expected_pct: f64,
     /// Uncertainty of the parameters, if it was computed.
     pub uncertainty: Option<Uncertainty>,
     /// Warnings to the user.
@@ -310,6 +312,7 @@ impl Fit {
             r2_mean,
             structures,
             recorded,
+            expected_pct,
             uncertainty,
             warnings,
             evaluations: context.evaluations.load(Ordering::Relaxed),

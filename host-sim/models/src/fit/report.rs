@@ -39,6 +39,8 @@ pub struct FitReport {
     pub recordings: Vec<RecordingRow>,
     /// Mean of the recordings' R².
     pub r2_mean: f64,
+    /// Largest RMS error to expect of feedforward, or of a predicted force, within what was recorded, % of the stroke or of the force's range.
+    pub expected_pct: f64,
     /// The file of the parameters, if they are written to one.
     pub parameters_file: Option<String>,
     /// Duration, s.
@@ -141,6 +143,7 @@ impl FitReport {
         Self {
             recordings: files.iter().zip(&fit.agreements).enumerate().map(row).collect(),
             r2_mean: fit.r2_mean,
+            expected_pct: fit.expected_pct,
             parameters_file: None,
             seconds,
             evaluations: fit.evaluations,

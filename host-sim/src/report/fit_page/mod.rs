@@ -71,7 +71,14 @@ impl FitPage<'_> {
             Section::new("origin", "Files and origin", origin::body(&numbers, self.direction)),
         ]);
         let lead = html! {
-            @if let Some(verdict) = verdict { p.verdict { "The simulated film " (verdict) "." } }
+            @if let Some(verdict) = verdict {
+                p.verdict { "The simulated film " (verdict) "." }
+            } @else if self.direction == Direction::Force {
+                p.verdict {
+                    "Expect feedforward to be off by up to " (numbers.number("/expected_pct", Form::Fixed(2)))
+                    " % RMS within the recorded strokes, speeds and times."
+                }
+            }
             p.verdict {
                 (self.report.topology) " with n = " (numbers.number("/branches", Form::Fixed(0)))
                 @if self.report.branches == 1 { " branch" } @else { " branches" }
