@@ -210,7 +210,6 @@ fn the_unexplained_force_does_not_hide_what_is_learned() {
                 }
                 let unexplained = if mode == Mode::Tracking { telemetry.disturbance_n / force_n } else { 0.0 };
                 let learned = telemetry.learned_m / learned_m;
-                if tick % 2250 == 0 {}
                 opposed += u32::from(unexplained < -0.2 && learned > 0.2 || unexplained > 0.2 && learned < -0.2);
                 let share = unexplained.abs() + learned.abs();
                 // What is learned is checked a tick later.

@@ -1,7 +1,5 @@
 //! The ramp: a film that is not known yet is driven in small steps, each predicted before it is taken.
 
-use std::ops::Range;
-
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
@@ -252,16 +250,10 @@ impl Ramp {
         (volts / self.limits.voltage_v).powi(2)
     }
 
-    /// Mean of the rows of the present step in this part of it, s, m.
-    fn mean_m(&self, part_s: Range<f64>) -> f64 {
-        let at = |time_s: f64| ((time_s * ROWS_HZ) as usize).min(self.present.len());
-        let rows = &self.present[at(part_s.start)..at(part_s.end)];
-        rows.iter().sum::<f64>() / rows.len() as f64
-    }
-
     /// Movement within the first second of the present step, beyond what the one before went on creeping, m.
     fn quick_m(&self) -> f64 {
-        self.mean_m(0.8..1.2) - self.mean_m(0.0..0.1) - self.creep_m
+        let mean = |from_s: f64, to_s: f64| self.present.get(rows(from_s)..rows(to_s)).map_or(f64::NAN, mean);
+        mean(0.8, 1.2) - mean(0.0, 0.1) - self.creep_m
     }
 
     /// The movements of a step back, by the last steps and as it was read, m, where the reading stays behind.
@@ -286,7 +278,7 @@ impl Ramp {
 
     /// Ends the present step.
     fn measure(&mut self) {
-        let measured_m = self.mean_m(STEP_S - MEAN_S..f64::INFINITY) - self.zero_m;
+        let measured_m = mean(last(&self.present, MEAN_S)) - self.zero_m;
         self.quick.push((self.share(self.to_v) - self.share(self.from_v), self.quick_m()));
         // What the steps before still creep is no part of it.
         let moved_m = measured_m - self.without_m;
@@ -303,7 +295,8 @@ impl Ramp {
 
     /// The next step, or the way down.
     fn go_on(&mut self, now_s: f64) {
-        self.creep_m = self.mean_m(STEP_S - MEAN_S..f64::INFINITY) - self.mean_m(STEP_S - 1.0 - MEAN_S..STEP_S - 1.0);
+        let before = last(&self.present, 1.0 + MEAN_S);
+        self.creep_m = mean(last(before, MEAN_S)) - mean(&before[..before.len().min(rows(MEAN_S))]);
         self.present.clear();
         (self.from_v, self.since_s) = (self.to_v, now_s);
         match self.next_voltage() {
@@ -414,6 +407,20 @@ impl Ramp {
         let slope = self.first_slope.unwrap_or(0.0) * last.slope.unwrap_or(0.0);
         Some(line.max(last.measured_m + slope * rise))
     }
+}
+
+/// Rows in so many seconds.
+fn rows(time_s: f64) -> usize {
+    (time_s * ROWS_HZ) as usize
+}
+
+/// The last so many seconds of `present`.
+fn last(present: &[f64], time_s: f64) -> &[f64] {
+    &present[present.len().saturating_sub(rows(time_s))..]
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 /// Whether the displacement has not grown in the last two steps, although it did in those before.

@@ -19,7 +19,8 @@ pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Vec<
     let is_unused = |index: &usize| chosen.iter().all(|column| column.index != *index);
     let is_seen = |index: &usize| is_unused(index) && (titles[*index].text || is_gain(&titles[*index].name));
     let indices: Vec<usize> = (0..titles.len()).filter(is_seen).collect();
-    let mut found = vec![Found::default(); indices.len()];
+    let of_column = |index: &usize| Found { is_gain: is_gain(&titles[*index].name), ..Found::default() };
+    let mut found: Vec<Found> = indices.iter().map(of_column).collect();
     let mut rows = 0;
     if indices.is_empty() || matches!(source, Source::Series(_)) {
         return Vec::new();
@@ -38,6 +39,8 @@ pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Vec<
 /// Cells of a column.
 #[derive(Clone, Debug, Default)]
 struct Found {
+    /// Whether they are gains.
+    is_gain: bool,
     /// The line of the first fault, the text, and how many there are.
     fault: Option<(u64, String)>,
     faults: usize,
@@ -48,16 +51,23 @@ struct Found {
 
 impl Found {
     fn see(&mut self, line: u64, value: Value<'_>) {
-        let shown = match value {
-            Value::Text(text) => text.trim().chars().take(40).collect::<String>(),
-            Value::Number(number) => number.to_string(),
-            Value::OutOfRange => "an error".into(),
-            Value::Nothing | Value::Ended => return,
+        let begin = |text: &str| text.trim().chars().take(40).collect::<String>();
+        let fault = match value {
+            Value::Text(text) if is_fault(text) => Some(format!("{:?}", begin(text))),
+            Value::OutOfRange => Some("an error".into()),
+            _ => None,
         };
-        if matches!(value, Value::OutOfRange) || matches!(value, Value::Text(text) if is_fault(text)) {
+        if let Some(fault) = fault {
             self.faults += 1;
-            self.fault.get_or_insert_with(|| (line, shown.clone()));
-        } else if self.last.as_ref() != Some(&shown)
+            self.fault.get_or_insert((line, fault));
+            return;
+        }
+        let shown = match value {
+            Value::Text(text) if self.is_gain => begin(text),
+            Value::Number(number) if self.is_gain => number.to_string(),
+            _ => return,
+        };
+        if self.last.as_ref() != Some(&shown)
             && let Some(last) = self.last.replace(shown.clone())
         {
             self.change.get_or_insert((line, [last, shown]));
@@ -65,9 +75,7 @@ impl Found {
     }
 
     fn remark(self, name: &str, rows: u32) -> Option<String> {
-        if is_gain(name)
-            && let Some((line, [before, after])) = self.change
-        {
+        if let Some((line, [before, after])) = self.change {
             return Some(format!(
                 "{name:?} changes from {before} to {after} in line {line}, and the readings are used as they are; if they do not have one unit on \
                  both sides of it, import them as two files"
@@ -76,7 +84,7 @@ impl Found {
         let (line, text) = self.fault.filter(|_| (self.faults as f64) < MAX_PART * f64::from(rows))?;
         let count = self.faults;
         Some(format!(
-            "{name:?} says {text:?} in {count} rows, the first in line {line}, whose readings are used; if they are not valid, leave their cells empty \
+            "{name:?} says {text} in {count} rows, the first in line {line}, whose readings are used; if they are not valid, leave their cells empty \
              or use `blank`"
         ))
     }
