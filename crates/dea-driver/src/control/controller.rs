@@ -309,8 +309,8 @@ impl<M: ControllerMemory> Controller<M> {
             load = self.at_least_commanded(load);
         }
         let open_loop_m = self.watched.displacement_under(&mut self.open_loop, load);
-        // Finite as long as both are.
-        if !(predicted_m + open_loop_m).is_finite() {
+        // 0 as long as both are finite.
+        if 0.0 * (predicted_m + open_loop_m) != 0.0 {
             self.supervisor.trip(Cause::Law);
         }
         if self.course.compensator().is_adapted() {
