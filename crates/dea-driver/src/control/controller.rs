@@ -281,8 +281,7 @@ impl<M: ControllerMemory> Controller<M> {
             predicted_m: observer.displacement(),
             open_loop_m: self.motion.furthest(model_m),
             is_frozen: self.motion.is_frozen(must_move),
-            // One must not hide the other.
-            disturbance_share: disturbance_share.abs() + self.course.added().abs() * self.shares_per_m,
+            disturbance_share: disturbance_share + self.course.added() * self.shares_per_m,
         });
 
         if let Some(cause) = shown.fault
@@ -309,8 +308,8 @@ impl<M: ControllerMemory> Controller<M> {
             load = self.at_least_commanded(load);
         }
         let open_loop_m = self.watched.displacement_under(&mut self.open_loop, load);
-        // 0 as long as both are finite.
-        if 0.0 * (predicted_m + open_loop_m) != 0.0 {
+        // Finite as long as both are.
+        if !(predicted_m + open_loop_m).is_finite() {
             self.supervisor.trip(Cause::Law);
         }
         if self.course.compensator().is_adapted() {

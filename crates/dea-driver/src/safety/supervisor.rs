@@ -26,8 +26,8 @@ pub struct Readings {
     pub open_loop_m: f32,
     /// Whether the model [moves](crate::Motion) and the displacement sensor does not.
     pub is_frozen: bool,
-    /// The size of the force that the model leaves unexplained, with that of what is learned of cycles, as a share of the force at the largest
-    /// voltage; 0 where no sensor acts on the voltage.
+    /// The force that the model leaves unexplained, with what is learned of cycles, as a share of the force at the largest voltage; 0
+    /// where no sensor acts on the voltage.
     pub disturbance_share: f32,
 }
 
@@ -310,7 +310,7 @@ impl Supervisor {
                 Some(Cause::Displacement)
             }
             _ if beyond(readings.open_loop_m, self.max_displacement_m) => Some(Cause::ModelDisplacement),
-            _ if above(readings.disturbance_share, self.max_disturbance_share) => Some(Cause::Disturbance),
+            _ if beyond(readings.disturbance_share, self.max_disturbance_share) => Some(Cause::Disturbance),
             _ if self.ticks_since_heartbeat > self.heartbeat_ticks => Some(Cause::Heartbeat),
             _ => None,
         };
@@ -378,11 +378,6 @@ impl Supervisor {
 
 /// Whether `value` is beyond `limit` to either side, or NaN.
 fn beyond(value: f32, limit: f32) -> bool {
-    above(value.abs(), limit)
-}
-
-/// Whether `value` is above `limit`, or NaN.
-fn above(value: f32, limit: f32) -> bool {
-    let within = value <= limit;
+    let within = value.abs() <= limit;
     !within
 }
