@@ -15,6 +15,8 @@ const FEWER: &str = "every jede thinn binn skip keep kept nth omit decimat dezim
 /// The same in several words, with commas between them.
 const FEWER_OF: &str = "per row, per line, per point, per sample, per record, per reading, per value, per entry, pro zeile, pro wert, pro punkt, \
     pro messwert, je zeile, je wert, je punkt, rate divi, clock divi, sample divi";
+/// Beginnings of words for samples that are left out between rows.
+const LEFT_OUT: &str = "skip omit überspr auslass";
 /// Words for a number of samples that is not known.
 const SOME: &str = "on yes ja ein an true active aktiv enabled second other third fourth fifth tenth zweite zweiten zweiter dritte dritten \
     fünfte fünften zehnte zehnten zehnter";
@@ -206,7 +208,9 @@ fn fewer(name: &str, line: &str, found: &[(f64, &str)]) -> Option<Beside> {
         return None;
     }
     let count = found.iter().map(|(number, _)| *number).reduce(f64::max);
-    match count {
+    // Of two numbers the larger one counts those that are not left out, too.
+    let left_out = if found.len() == 1 && begins(LEFT_OUT) { 1.0 } else { 0.0 };
+    match count.map(|count| count + left_out) {
         Some(count) if count > 1.0 => Some(Beside::Every(count)),
         None if words().any(|word| SOME.split(' ').any(|some| some == word)) => Some(Beside::Some),
         _ => None,
