@@ -339,7 +339,7 @@ fn rows_with_more_cells_than_the_header_are_refused() {
     // So do commas between thousands where the last column is empty elsewhere.
     let header = "Time (s),HV (V),Laser (µm),Temp (°C),Note";
     let thousands = format!("{header}\n0.0,900.0,10.1,22.1,\n0.1,1,036.5,14.2,22.1\n0.2,950.0,11.0,22.1,\n");
-    has(&folder.refused(&thousands, ""), &["line 3:", "thousands", "quotes"]);
+    has(&folder.refused(&thousands, ""), &["film.txt: line 3: ", "thousands", "quotes"]);
     let numbers = format!("{header}\n0,900,10.1,22.1,\n1,100,14.2,22.1,7\n2,950,11.0,22.1,\n3,300,11.0,22.1,\n");
     assert_eq!(folder.read(numbers, "").expect("no thousands").time_s(), [0.0, 1.0, 2.0, 3.0]);
     // An empty cell between blanks shifts the cells behind it, and the last column is of no use here.

@@ -54,6 +54,8 @@ fn rows_of_fewer_cells_are_refused() {
             has(&error, &["film.txt: line 32: ", "3 cells, and most rows have 4", "between its separators"]);
         }
     }
+    let glued = text(&four, |k| if k == 30 { with(k, "22.5") } else { with(k, ";22.5") });
+    has(&folder.refused(glued, ""), &["film.txt:32: ", "not a number"]);
     let own = text("time_s;voltage_v;displacement_mm;temp_c", lost).replace(';', ",");
     has(&folder.refused(own, ""), &["film.txt: line 32: ", "3 cells"]);
     has(&folder.refused(text(&four, slow_laser), ""), &["film.txt: line 3: ", "as those in column 4"]);

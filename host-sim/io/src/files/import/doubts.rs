@@ -55,14 +55,20 @@ pub fn refuse_rows(
     dates::refuse(source, time, titles, &others)
 }
 
-/// Refuses rows whose cells are shifted by commas that do not separate cells, in all rows alike, before the `chosen` columns are read.
+/// Refuses rows whose cells are shifted by commas that do not separate cells, in all rows up to the line `until` alike: it may be what is at
+/// fault there.
 ///
 /// # Errors
 ///
 /// The first line that it concerns, the cause and what to do.
-pub fn refuse_commas(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Result<(), (u64, String)> {
+pub fn refuse_commas(
+    source: &Source<'_>,
+    chosen: &[Chosen],
+    titles: &[Title],
+    until: u64,
+) -> Result<(), (u64, String)> {
     let Source::Text(_, table) = source else { return Ok(()) };
-    let rows = || table.rows().map_while(Result::ok);
+    let rows = || table.rows().map_while(Result::ok).take_while(move |(line, _)| *line <= until);
     let spare = || shifted::into_spare(rows(), titles, |index| is_used(chosen, index)).filter(|_| is_named(chosen));
     let by_comma = || shifted::by_thousands(rows()).or_else(spare);
     (table.separator == Separator::Comma).then(by_comma).flatten().map_or(Ok(()), Err)

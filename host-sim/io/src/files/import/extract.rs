@@ -309,7 +309,6 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     let may_repeat = hints.repeated_times.is_some();
     // What all rows together show is no fault of one of them.
     let of_all = |(line, cause)| Error::file(path, format!("line {line}: {cause}"));
-    doubts::refuse_commas(source, &chosen, &titles).map_err(of_all)?;
     let mut doubt = doubts::refuse_cells(source, &chosen, &titles, may_repeat).err();
     let interval_s = interval_s(source, &chosen, hints).map_err(|(line, cause)| at(path, line, cause))?;
     let mut times = Times::new(interval_s, hints.repeated_times.is_some(), source.starts());
@@ -317,7 +316,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     let mut out_of_range = vec![0; chosen.len()];
     let fractions = fractions::beside(source, &chosen, &titles).map_err(|(line, cause)| at(path, line, cause))?;
     let read: Vec<usize> = indices.iter().copied().chain(fractions.iter().map(|fraction| fraction.index)).collect();
-    source
+    let read_rows = source
         .each(&read, |line, values| {
             // The fault of a row comes before what is doubtful behind it.
             if let Some((_, cause)) = doubt.take_if(|(doubtful, _)| *doubtful <= line) {
@@ -345,8 +344,10 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
             }
             Ok(())
         })
-        .and_then(|()| doubt.map_or(Ok(()), Err))
-        .map_err(|(line, cause)| at(path, line, cause))?;
+        .and_then(|()| doubt.map_or(Ok(()), Err));
+    let until = read_rows.as_ref().err().map_or(u64::MAX, |(line, _)| *line);
+    doubts::refuse_commas(source, &chosen, &titles, until).map_err(of_all)?;
+    read_rows.map_err(|(line, cause)| at(path, line, cause))?;
     let mut used: Vec<UnderstoodColumn> = chosen
         .iter()
         .zip(&names)
