@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use host_sim::files::parameters::Parameters;
+use host_io::files::parameters::Parameters;
 
 use crate::place::{PATH, line_of};
 

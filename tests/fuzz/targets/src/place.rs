@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use host_sim::Error;
+use host_io::Error;
 
 /// Names in errors.
 pub const PATH: &str = "fuzzed";
