@@ -39,6 +39,8 @@ fn a_column_whose_unit_cannot_be_read_is_a_rival() {
         ("Напряжение (кВ)", KILOVOLTS),
         ("CH1 HV (V DC)", VOLTS),
         ("HV (VDC)", VOLTS),
+        ("HV, diff. probe (V)", VOLTS),
+        ("HV differential probe (V)", VOLTS),
         ("Napięcie (V)", VOLTS),
     ] {
         let text = file(["Time (s)", name, "Laser (mm)", "Force (N)"], "", [cells, MM, ELSEWHERE]);
@@ -93,6 +95,8 @@ fn factors_in_titles_are_a_question() {
         ("Time (s)", "Laser 2 (mm)"),
         ("Time (s)", "Laser x2 (mm)"),
         ("Time (s)", "CH 2 x (mm)"),
+        ("Time (s)", "Linear variable differential transformer, displacement (mm)"),
+        ("Time (s)", "Incremental encoder, displacement (mm)"),
     ] {
         let text = file([time, "HV (V)", laser, "T (°C)"], "", [VOLTS, MM, ELSEWHERE]);
         assert_eq!(difference(&folder.read(&text, "").expect("read")), None, "{time} {laser}");

@@ -105,7 +105,9 @@ impl Doubt {
             None => says(DERIVED) || says(STEPS),
             Some(_) => says(DERIVED),
         };
-        if is_derived || is_negated(name) || name.contains("/dt") {
+        // A differential probe is none.
+        let is_difference = quantity != Some(Quantity::Voltage) && words.iter().any(|word| word == "diff");
+        if is_derived || is_difference || is_negated(name) || name.contains("/dt") {
             return Some(Self::Derived);
         }
         if matches!(quantity, None | Some(Quantity::Displacement)) && says(SIZES) {

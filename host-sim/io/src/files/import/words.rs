@@ -70,7 +70,8 @@ pub(super) const DERIVED: &str = "rms eff effekti efficac eficaz filter filtr sm
     stdev sigma varian error err deviation dev abweich fehler schlepp residu theor théor model fem simul predict \
     estimat geschätzt expected calc comput berechnet fit fitted detrend normaliz normalis normier interpol \
     corrected offset zero tare ripple noise ac range scale gain amplitude envelope delta drift cumul squared \
-    resolution auflösung uncertain unsicher initial inverted inv negated neg negative negativ minus abs diff differenc differenz increment fft log log10 sqrt velocity \
+    resolution auflösung uncertain unsicher initial inverted inv negated neg negative negativ minus abs differenc differenz \
+    fft log log10 sqrt velocity \
     travelled traveled accumul path zurückgelegt increments dvoltage hex geschwindigkeit 速度 误差 誤差 平均 最大 最小 有效 実効 峰值";
 /// Words for the time from one row to the next.
 pub(super) const STEPS: &str = "interval intervall dt";
