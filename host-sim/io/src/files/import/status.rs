@@ -33,7 +33,7 @@ pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Vec<
         }
         Ok(())
     });
-    indices.iter().zip(found).filter_map(|(index, found)| found.remark(&titles[*index].name, rows)).collect()
+    indices.iter().zip(found).flat_map(|(index, found)| found.remarks(&titles[*index].name, rows)).collect()
 }
 
 /// Cells of a column.
@@ -74,19 +74,21 @@ impl Found {
         }
     }
 
-    fn remark(self, name: &str, rows: u32) -> Option<String> {
-        if let Some((line, [before, after])) = self.change {
-            return Some(format!(
+    fn remarks(self, name: &str, rows: u32) -> impl Iterator<Item = String> {
+        let change = self.change.map(|(line, [before, after])| {
+            format!(
                 "{name:?} changes from {before} to {after} in line {line}, and the readings are used as they are; if they do not have one unit on \
                  both sides of it, import them as two files"
-            ));
-        }
-        let (line, text) = self.fault.filter(|_| (self.faults as f64) < MAX_PART * f64::from(rows))?;
+            )
+        });
         let count = self.faults;
-        Some(format!(
-            "{name:?} says {text} in {count} rows, the first in line {line}, whose readings are used; if they are not valid, leave their cells empty \
-             or use `blank`"
-        ))
+        let fault = self.fault.filter(|_| (count as f64) < MAX_PART * f64::from(rows)).map(|(line, text)| {
+            format!(
+                "{name:?} says {text} in {count} rows, the first in line {line}, whose readings are used; if they are not valid, leave their cells \
+                 empty or use `blank`"
+            )
+        });
+        change.into_iter().chain(fault)
     }
 }
 
