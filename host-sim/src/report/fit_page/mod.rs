@@ -13,7 +13,7 @@ use maud::html;
 use super::numbers::{Document, Form, Numbers};
 use super::page::{Page, Section};
 use crate::files::parameters::Parameters;
-use crate::files::recording::Direction;
+use crate::files::recording::{Direction, Input};
 use crate::fit::Fit;
 use crate::fit::FitReport;
 use crate::fit::observation::Observation;
@@ -73,7 +73,7 @@ impl FitPage<'_> {
         let lead = html! {
             @if let Some(verdict) = verdict {
                 p.verdict { "The simulated film " (verdict) "." }
-            } @else if self.direction == Direction::Force {
+            } @else if matches!(self.observations[0].input, Input::Voltage(_)) {
                 p.verdict {
                     "Expect feedforward to be off by up to " (numbers.number("/expected_pct", Form::Fixed(2)))
                     " % RMS within the recorded strokes, speeds and times."
