@@ -105,7 +105,7 @@ impl Doubt {
             None => says(DERIVED) || says(STEPS),
             Some(_) => says(DERIVED),
         };
-        // A differential probe is none.
+        // Not a differential probe.
         let is_difference = quantity != Some(Quantity::Voltage) && words.iter().any(|word| word == "diff");
         if is_derived || is_difference || is_negated(name) || name.contains("/dt") {
             return Some(Self::Derived);
