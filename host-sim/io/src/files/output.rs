@@ -35,6 +35,9 @@ pub fn check(path: &Path, inputs: &[&Path], made: Folders) -> Result<()> {
         Folders::AreMade => path.ancestors().skip(1).find(|folder| folder.exists()).unwrap_or(Path::new(".")),
     };
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    if folder.is_file() {
+        return Err(Error::file(path, format!("{} is a file, not a folder; name another one", shown(folder))));
+    }
     if !folder.is_dir() {
         return Err(Error::file(path, format!("there is no folder {}; make it first", shown(folder))));
     }
