@@ -1,14 +1,14 @@
 //! Images in QEMU: the host's bits on the chips, and what a step costs there.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use chip_program::{Checksum, FEW, FEW_WITH_FPU, FILMS, Film, Name, Report, SMALL};
 use documents::{Documents, Tolerance};
 
 use crate::cycles;
 use crate::packages::LIBRARIES;
-use crate::process::{Result, format, output, root, run as run_command};
+use crate::process::{Result, output, root, run as run_command};
 use crate::setup::{OTHER_TARGETS, TARGETS, Toolchain};
 
 /// Output of an image: lines of `cost NAME INSTRUCTIONS` and `bits NAME CHECKSUM`.
@@ -37,7 +37,6 @@ pub enum Films {
 /// Builds images of the libraries for both chips, runs them and compares them with the host and with what the documents state.
 pub fn run(toolchain: &Toolchain, films: Films) -> Result<()> {
     let [cortex_m4f, cortex_m0] = TARGETS;
-    check_sources(toolchain, cortex_m4f)?;
     let costs = steps(toolchain, cortex_m4f, films)?;
     within_bars(&costs)?;
     let documents = Documents::read()?;
@@ -53,7 +52,6 @@ pub fn run(toolchain: &Toolchain, films: Films) -> Result<()> {
 /// The same for the firmware's core and those of other boards: with an FPU all films, on RISC-V those of each kind.
 pub fn all_cores(toolchain: &Toolchain) -> Result<()> {
     let [cortex_m33, risc_v] = OTHER_TARGETS;
-    check_sources(toolchain, risc_v)?;
     let documents = Documents::read()?;
     let mut off = Vec::new();
     for (column, target, films) in [
@@ -76,16 +74,14 @@ fn judge(off: &[String]) -> Result<()> {
     }
 }
 
-/// Format and lints of the images, for an architecture: its other cores are given the same sources.
-fn check_sources(toolchain: &Toolchain, target: &str) -> Result<()> {
-    let folder = root().join("tests/embedded");
-    format(&folder)?;
-    toolchain.lint(&folder, target, "")
+/// Where the images are.
+pub fn folder() -> PathBuf {
+    root().join("tests/embedded")
 }
 
 /// Builds the images for `target`, runs them, compares the bits with the host's, and gives the costs.
 fn steps(toolchain: &Toolchain, target: &str, films: Films) -> Result<BTreeMap<String, u64>> {
-    let folder = root().join("tests/embedded");
+    let folder = folder();
     panic_free(toolchain, target, &folder)?;
     let (films, features): (&[Film], &str) = match films {
         Films::Few if target == TARGETS[0] => (&FEW_WITH_FPU, "--features few-films"),

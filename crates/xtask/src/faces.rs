@@ -10,8 +10,8 @@ use std::time::Instant;
 use clap::ValueEnum;
 
 use crate::process::{Result, cargo, command, format, make, output, read, root, run as run_command};
+use crate::programs::QEMU;
 use crate::python::{environment, interpreter, pip};
-use crate::test::QEMU;
 use crate::{benchmark, embedded, other_board, packages, setup, test, windows};
 
 /// A language, or the crates on other boards.

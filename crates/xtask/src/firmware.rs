@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::process::{Result, at, cargo, format, output, root, run as run_command};
+use crate::process::{Result, at, cargo, output, root, run as run_command};
 use crate::setup::{TARGETS, Toolchain, built};
 
 /// An image: the program in `firmware`, what it is for, and the options of its build.
@@ -37,12 +37,16 @@ pub fn virtual_board(toolchain: &Toolchain) -> Result<PathBuf> {
     build(toolchain, &VIRTUAL_BOARD)
 }
 
-/// Checks and builds all images. The linker fails beyond their budget of flash and RAM.
-pub fn images(toolchain: &Toolchain) -> Result<()> {
-    format(&folder())?;
+/// The lints of all images.
+pub fn lint(toolchain: &Toolchain) -> Result<()> {
     for image in BOARDS.iter().chain([&QEMU, &VIRTUAL_BOARD]) {
         toolchain.lint(&folder(), TARGETS[0], &format!("--bin {} {}", image.program, image.options))?;
     }
+    Ok(())
+}
+
+/// Builds all images. The linker fails beyond their budget of flash and RAM.
+pub fn images(toolchain: &Toolchain) -> Result<()> {
     build(toolchain, &QEMU)?;
     let virtual_board = build(toolchain, &VIRTUAL_BOARD)?;
     for board in &BOARDS {
@@ -84,6 +88,7 @@ fn build(toolchain: &Toolchain, image: &Image) -> Result<PathBuf> {
     Ok(built().join(TARGETS[0]).join("release").join(image.program))
 }
 
-fn folder() -> PathBuf {
+/// Where the images are.
+pub fn folder() -> PathBuf {
     root().join("firmware")
 }

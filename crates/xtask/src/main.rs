@@ -12,6 +12,7 @@ mod cycles;
 mod embedded;
 mod faces;
 mod firmware;
+mod lint;
 mod mutants;
 mod other_board;
 mod packages;
@@ -46,9 +47,10 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Chore {
-    /// Install what is missing, then run the lints and every test, on the host and in QEMU. Names what it will install, and asks once on a
-    /// terminal.
+    /// Install what is missing, then run every test, on the host and in QEMU. Names what it will install, and asks once on a terminal.
     Test,
+    /// Format and lints of all code: the workspace, each feature of the libraries, the images for the chips.
+    Lint,
     /// Run the tests with all cases of their sweeps, of which `test` runs a sample: some 20 minutes on two cores.
     Sweep,
     /// Install what is missing: compiler targets, QEMU, and what decodes the firmware's log.
@@ -124,6 +126,7 @@ fn main() -> ExitCode {
     setup::allow_installing(!cli.no_install);
     let done = match cli.chore {
         Chore::Test => test::run(),
+        Chore::Lint => lint::run(),
         Chore::Sweep => test::sweep(),
         Chore::Setup => setup::run().map(drop),
         Chore::Embedded => {

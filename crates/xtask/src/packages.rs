@@ -23,10 +23,9 @@ const FILES: [&str; 7] = [
 const FOLDERS: [(&str, &[&str]); 4] =
     [("src/", &[".rs"]), ("doc/", &[".md"]), ("examples/", &[".rs"]), ("tests/", &[".rs", ".csv", ".bin"])];
 
-/// Each library passes its lints with each of its features. Its package holds the library's own files, nothing else, and is complete. Neither
+/// The package of each library holds the library's own files, nothing else, and is complete. Neither
 /// the library nor its tests need the host tool.
 pub fn run() -> Result<()> {
-    features()?;
     for library in LIBRARIES {
         let list = output(cargo(&format!("package --quiet --list --allow-dirty --package {library}")))?;
         let stray: Vec<&str> = list.lines().filter(|file| !belongs(file)).collect();
@@ -51,23 +50,8 @@ pub fn run() -> Result<()> {
     run_command(package)
 }
 
-/// Each library without features, with each alone, and with all.
-fn features() -> Result<()> {
-    for library in LIBRARIES {
-        let clippy = |features: &str| {
-            run_command(cargo(&format!("clippy --quiet --package {library} {features} -- -D warnings")))
-        };
-        clippy("--no-default-features")?;
-        for feature in features_of(library)? {
-            clippy(&format!("--no-default-features --features {feature}"))?;
-        }
-        clippy("--all-features")?;
-    }
-    Ok(())
-}
-
 /// Names in the table of features in a library's manifest.
-fn features_of(library: &str) -> Result<Vec<String>> {
+pub fn features_of(library: &str) -> Result<Vec<String>> {
     let path = root().join("crates").join(library).join("Cargo.toml");
     let manifest = read(&path)?;
     let table = manifest.lines().skip_while(|line| line.trim() != "[features]").skip(1);

@@ -10,6 +10,9 @@ use serde_json::Value;
 
 use crate::process::{Result, cargo, output, root};
 
+/// The tests that run the firmware's images.
+pub const QEMU: &str = "--features tests/qemu";
+
 /// Programs at a time, each of as many threads as there are cores: boards and emulators wait, and a program ends with one test.
 const BESIDE: usize = 2;
 

@@ -1,13 +1,13 @@
-//! Every check and every test, stage by stage, on the host and in QEMU.
+//! Every test, stage by stage, on the host and in QEMU.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use std::thread;
 use std::time::Instant;
-use std::{fs, thread};
 
 use crate::embedded::Films;
-use crate::process::{Result, at, cargo, read, root, run as run_command};
-use crate::programs::{Cases, Programs};
-use crate::{embedded, firmware, setup};
+use crate::process::{Result, cargo, root, run as run_command};
+use crate::programs::{Cases, Programs, QEMU};
+use crate::{embedded, firmware, lint, setup};
 
 /// Stages of a run that have passed.
 struct Stages {
@@ -66,7 +66,7 @@ impl Stages {
     }
 }
 
-/// Installs what is missing and runs every check and test.
+/// Installs what is missing and runs every test.
 pub fn run() -> Result<()> {
     setup::agree(&setup::TARGETS)?;
     let mut stages = Stages::begin();
@@ -78,8 +78,7 @@ pub fn run() -> Result<()> {
         embedded::run(&toolchain, Films::Few)
     };
     let programs = stages.run_beside(("tools, images, and steps on chips", images), |stages| {
-        stages.run("format", || run_command(cargo("fmt --all --check")))?;
-        stages.run("lint", lint)?;
+        stages.run("format", lint::formats)?;
         stages.run("test builds", || Programs::built(&[QEMU, MICROMATH]))
     })?;
     let documentation = || run_command(cargo(&format!("test --quiet --workspace --doc {QEMU}")));
@@ -104,9 +103,6 @@ pub fn sweep() -> Result<()> {
     Ok(())
 }
 
-/// The tests that run the firmware's images.
-pub const QEMU: &str = "--features tests/qemu";
-
 /// The electrostatics on springpot's fast square root. The other packages keep the features with which they are built already.
 const MICROMATH: &str = "--features tests/qemu,springpot/micromath --test electrostatics";
 
@@ -114,42 +110,4 @@ const MICROMATH: &str = "--features tests/qemu,springpot/micromath --test electr
 pub fn programs() -> Result<[PathBuf; 2]> {
     run_command(cargo(&format!("test --quiet --workspace {QEMU} --test command_line --no-run")))?;
     Ok(["host-sim-under-test", "virtual-board-on-host"].map(|name| root().join("target").join("debug").join(name)))
-}
-
-/// Sources of libraries whose manifest says `test = false`: a test in them would never run.
-const WITHOUT_TESTS: [&str; 12] = [
-    "host-sim/src",
-    "host-sim/fft/src",
-    "host-sim/emit/src",
-    "host-sim/io/src",
-    "host-sim/models/src",
-    "python/src",
-    "tests/board/src",
-    "tests/support",
-    "tests/chip-program/src",
-    "tests/chips/src",
-    "tests/documents/src",
-    "tests/fuzz/targets/src",
-];
-
-/// All targets, the tests in QEMU included; `--all-targets` checks each library a second time, as a benchmark.
-fn lint() -> Result<()> {
-    for folder in WITHOUT_TESTS {
-        no_tests_in(&root().join(folder))?;
-    }
-    run_command(cargo(&format!(
-        "clippy --quiet --workspace --lib --bins --examples --tests --bench * {QEMU} -- -D warnings"
-    )))
-}
-
-fn no_tests_in(folder: &Path) -> Result<()> {
-    for entry in fs::read_dir(folder).map_err(at(folder))? {
-        let path = entry.map_err(at(folder))?.path();
-        if path.is_dir() {
-            no_tests_in(&path)?;
-        } else if read(&path)?.contains("#[test]") {
-            return Err(format!("{} has a test that is never run", path.display()));
-        }
-    }
-    Ok(())
 }
