@@ -111,7 +111,7 @@ fn a_board_reports_identity_and_status() {
     let how = board.json("status");
     assert_eq!(how["state"], "disarmed");
     assert!(how["rate_hz"].is_null());
-    assert_eq!(how["stack_peak_bytes"], 1234);
+    assert_eq!((&how["stack_peak_bytes"], &how["falls"]), (&1234.into(), &0.into()));
     let parts = &how["parts"];
     assert_eq!((&parts["interlock_closed"], &parts["sensor"]), (&true.into(), &"answers".into()));
     assert!((0.99..1.01).contains(&parts["sensor_adc_v"].as_f64().expect("a number")), "{parts}");
@@ -409,6 +409,29 @@ fn peer(react: fn(usize, &Command) -> ControlFlow<(), Option<Answer>>) -> (Port,
         requests
     });
     (Port::open(&port).expect("opens"), peer)
+}
+
+/// Firmware of another version of the link does not answer later either: it is named, and not waited for.
+#[test]
+fn firmware_of_another_version_is_named_at_once() {
+    let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a port");
+    let port = Port::open(&format!("tcp:{}", listener.local_addr().expect("bound"))).expect("opens");
+    let patience = port.patience();
+    let peer = thread::spawn(move || {
+        let (line, _) = listener.accept().expect("connects");
+        let mut bytes = Read::bytes(&line).map_while(Result::ok).skip_while(|byte| *byte == 0);
+        let mut requests = 0;
+        while bytes.by_ref().any(|byte| byte == 0) {
+            requests += 1;
+            // `Done` to request 1, in version 6.
+            (&line).write_all(&[2, 6, 2, 1, 5, 129, 177, 52, 29, 0]).expect("sent");
+        }
+        requests
+    });
+    let Err(error) = Client::new(port).map(drop) else { panic!("another version") };
+    let error = error.to_string();
+    assert!(error.contains(&format!("version 6 of the link, this tool needs {VERSION}: flash")), "{error}");
+    assert_eq!(peer.join().expect("ended"), 1, "asked again, for {patience:?}");
 }
 
 /// A controller that answers later than it is asked again, such as an emulator on a busy machine, is understood; one that hangs up is not

@@ -311,6 +311,7 @@ impl<M: ControllerMemory> Device<M> {
             unknown_frames: 0,
             stack_peak: 0,
             lost_bytes: 0,
+            falls: supervisor.map_or(0, Supervisor::falls),
         }
     }
 

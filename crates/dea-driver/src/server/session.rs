@@ -55,7 +55,7 @@ pub struct Session {
     /// Token of the host that armed last; 0 if none has.
     token: u16,
     /// The newest number of a request with that token.
-    newest: u16,
+    newest: u32,
     /// Whether the parameters in force are only tried.
     on_trial: bool,
 }
@@ -121,7 +121,7 @@ impl Session {
                     Answer::Stale { newest: self.newest }
                 } else {
                     self.newest = if armed_it && is_newer { sequence } else { self.newest };
-                    self.answer([sequence, token], &command, board)
+                    self.answer((sequence, token), &command, board)
                 };
                 Message::Answer { sequence, answer }
             }
@@ -132,7 +132,7 @@ impl Session {
     /// Executes a command: the only place that distinguishes commands.
     fn answer<M: ControllerMemory, B: Board<M>>(
         &mut self,
-        [sequence, token]: [u16; 2],
+        (sequence, token): (u32, u16),
         command: &Command,
         board: &mut B,
     ) -> Answer {
@@ -255,7 +255,7 @@ impl Session {
 
     fn arm<M: ControllerMemory, B: Board<M>>(
         &mut self,
-        sequence: u16,
+        sequence: u32,
         arm: fn(&mut Device<M>) -> Result<(), Denial>,
         board: &mut B,
     ) -> Answer {
@@ -371,7 +371,7 @@ enum Act {
 
 /// How far ahead of the newest request of the host that armed the number of its next one may be. What is older, or was obeyed already, came from a
 /// buffer on the way, or from another program that has recorded it.
-const WINDOW: u16 = 256;
+const WINDOW: u32 = 256;
 
 /// Whether a command could do harm if it were obeyed late or twice: not what asks, and not what leads to 0 V.
 fn acts(command: &Command) -> bool {

@@ -26,7 +26,7 @@ pub const CHUNK: usize = 128;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Request {
     /// Chosen by the host; comes back with the answer.
-    pub sequence: u16,
+    pub sequence: u32,
     /// The token of [`Answer::Armed`] from the host that armed; 0 from any other.
     pub token: u16,
     /// The command.
@@ -162,7 +162,7 @@ pub enum Message {
     /// The answer to the request of that sequence number; 0 for a frame whose number could not be read.
     Answer {
         /// The request's number.
-        sequence: u16,
+        sequence: u32,
         /// The answer.
         answer: Answer,
     },
@@ -225,7 +225,7 @@ pub enum Answer {
     /// Not obeyed: the number of the request is not within 256 after the newest one with that token.
     Stale {
         /// The newest number.
-        newest: u16,
+        newest: u32,
     },
     /// Records of the flight recorder, each older than the one before; none where they end.
     FlightRecords(Vec<FlightRecord, RECORDS>),
@@ -317,4 +317,6 @@ pub struct Status {
     pub stack_peak: u32,
     /// Bytes that came faster than they could be served, and were lost with their frames: the line is flooded.
     pub lost_bytes: u32,
+    /// Falls of the monitor's reading since it was armed last, such as arcs.
+    pub falls: u16,
 }

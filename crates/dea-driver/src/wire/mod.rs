@@ -37,7 +37,7 @@ pub use crate::control::{
 };
 
 /// The version of the protocol.
-pub const VERSION: u8 = 6;
+pub const VERSION: u8 = 7;
 
 /// Baud rate of the serial line, 8N1. 42 MHz, the clock of the STM32F405's USART, divides to it within 0.2 %, and common USB
 /// adapters support it.

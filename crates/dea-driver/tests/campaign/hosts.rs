@@ -89,9 +89,9 @@ struct Hosts {
     /// The host that armed last.
     owner: Option<usize>,
     /// Number of the last request of any.
-    sequence: u16,
+    sequence: u32,
     /// The last request of a host that was done because it had armed, with its number and token.
-    last: Option<([u16; 2], Command)>,
+    last: Option<((u32, u16), Command)>,
     silent_ticks: u32,
     interlock_closed: bool,
     /// Whether a set-point was accepted since the run began.
@@ -133,8 +133,8 @@ impl Search {
     fn ask(&self, hosts: &mut Hosts, host: usize, command: Command) -> Result<(), Promise> {
         let live = hosts.state().is_live();
         let before = hosts.supervisor();
-        let number = [hosts.sequence.wrapping_add(1), hosts.tokens[if self.steals && host == 1 { 0 } else { host }]];
-        hosts.sequence = number[0];
+        let number = (hosts.sequence.wrapping_add(1), hosts.tokens[if self.steals && host == 1 { 0 } else { host }]);
+        hosts.sequence = number.0;
         let answer = board::ask(&mut hosts.session, &mut hosts.bench, number, command.clone());
         if let Answer::Armed { token } = answer {
             first_broken(&[(token != 0 && !hosts.tokens.contains(&token), Promise::NewToken)])?;

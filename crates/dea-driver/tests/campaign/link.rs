@@ -250,7 +250,7 @@ fn stated(firmware: &mut Firmware) -> u32 {
     let first = firmware.session.serve(0, &mut firmware.bench);
     assert_eq!(first.is_some(), open);
     firmware.damaged += u32::from(matches!(first, Some(Message::Answer { sequence: 0, .. })));
-    match ask(&mut firmware.session, &mut firmware.bench, [1, 0], Command::Status) {
+    match ask(&mut firmware.session, &mut firmware.bench, (1, 0), Command::Status) {
         Answer::Status(status) => status.damaged_frames + status.unknown_frames,
         other => panic!("{other:?}"),
     }

@@ -12,7 +12,7 @@ const GIVE_UP_MS: u32 = 300;
 /// A request whose answer is waited for.
 struct Asked {
     command: Command,
-    sequences: Vec<u16>,
+    sequences: Vec<u32>,
     since: u32,
     patience: u32,
 }
@@ -20,7 +20,7 @@ struct Asked {
 /// The host.
 pub struct Player {
     receiver: Receiver,
-    sequence: u16,
+    sequence: u32,
     token: u16,
     asked: Option<Asked>,
     next: Option<Command>,

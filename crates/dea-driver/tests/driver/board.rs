@@ -125,7 +125,7 @@ impl Board for Bench {
 }
 
 /// Sends a command with this token and returns its answer, the only one.
-pub fn ask(session: &mut Session, board: &mut impl Board, [sequence, token]: [u16; 2], command: Command) -> Answer {
+pub fn ask(session: &mut Session, board: &mut impl Board, (sequence, token): (u32, u16), command: Command) -> Answer {
     let mut frame = [0; FRAME_LEN + 1];
     let length = encode(&Request { sequence, token, command }, &mut frame).expect("fits");
     let mut answers = frame[..length].iter().filter_map(|&byte| session.serve(byte, board));

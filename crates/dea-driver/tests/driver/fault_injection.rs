@@ -36,7 +36,7 @@ impl Board for WithoutFaults {
 fn a_board_without_fault_injection_rejects_it() {
     let mut board = WithoutFaults(Bench::new(RamFlash::default(), None));
     for command in [Command::InjectFault(InjectedFault::Hang), Command::StopFeedingWatchdog, Command::Inspect] {
-        assert_eq!(ask(&mut Session::new("1.2.3"), &mut board, [5, 0], command), Answer::Rejected(Reject::Unknown));
+        assert_eq!(ask(&mut Session::new("1.2.3"), &mut board, (5, 0), command), Answer::Rejected(Reject::Unknown));
     }
 }
 
@@ -48,7 +48,7 @@ fn a_board_without_memory_has_no_trial() {
     Session::new("1.2.3").begin(&mut board).expect("stored");
     let inputs = board.0.inputs();
     board.0.tick(inputs);
-    let Answer::Status(status) = ask(&mut Session::new("1.2.3"), &mut board, [5, 0], Command::Status) else {
+    let Answer::Status(status) = ask(&mut Session::new("1.2.3"), &mut board, (5, 0), Command::Status) else {
         panic!("no status")
     };
     assert_eq!(status.state, DriverState::Disarmed);

@@ -14,7 +14,7 @@ pub struct Host {
     /// Token of the last arming.
     pub token: u16,
     /// Number of the last request.
-    pub sequence: u16,
+    pub sequence: u32,
 }
 
 impl Host {
@@ -27,7 +27,7 @@ impl Host {
     /// Sends a command and returns its answer.
     pub fn ask(&mut self, command: Command) -> Answer {
         self.sequence = self.sequence.wrapping_add(1);
-        board::ask(&mut self.session, &mut self.bench, [self.sequence, self.token], command)
+        board::ask(&mut self.session, &mut self.bench, (self.sequence, self.token), command)
     }
 
     pub fn arm(&mut self) {

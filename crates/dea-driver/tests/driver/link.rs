@@ -45,6 +45,7 @@ fn messages() -> Vec<Message> {
         rate_hz: 5000.0,
         stack_peak: u32::MAX,
         lost_bytes: u32::MAX,
+        falls: u16::MAX,
         monitor_v: f32::MAX,
         live: true,
     };
@@ -111,7 +112,7 @@ fn messages() -> Vec<Message> {
     ];
     answers
         .into_iter()
-        .map(|answer| Message::Answer { sequence: u16::MAX, answer })
+        .map(|answer| Message::Answer { sequence: u32::MAX, answer })
         .chain([Message::Telemetry(record)])
         .collect()
 }
@@ -120,7 +121,7 @@ fn messages() -> Vec<Message> {
 fn every_message_comes_through() {
     let mut receiver = Receiver::new();
     for command in commands() {
-        let request = Request { sequence: 0x1234, token: 0x5678, command };
+        let request = Request { sequence: 0x1234_5678, token: 0x5678, command };
         let bytes = frame(&request);
         assert!(bytes.len() <= FRAME_LEN && !bytes[..bytes.len() - 1].contains(&0));
         assert_eq!(receive(&mut receiver, &bytes), [Ok(request)]);

@@ -32,7 +32,7 @@ const LIVE: &str = "the film is live: its monitor showed voltage although the am
 pub struct Client {
     port: Port,
     receiver: Receiver,
-    sequence: u16,
+    sequence: u32,
     /// Token of the arming that this conversation continues; 0 without one.
     token: u16,
     samples: VecDeque<Telemetry>,
@@ -181,7 +181,8 @@ impl Client {
                     Message::Telemetry(sample) => self.samples.push_back(sample),
                 }
             }
-            if !repeats || Instant::now() >= deadline {
+            // Firmware of another version does not answer later either.
+            if !repeats || self.noise.version.is_some() || Instant::now() >= deadline {
                 return Err(self.fault(match rejected {
                     Some(reject) => format!("the request did not arrive as it was sent ({reject:?}); check the wire"),
                     None => self.noise.cause(),

@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use super::adaptation::Film;
 use super::board_time::BoardTime;
+use super::status::falls_text;
 use super::{Source, What, digits, parameters_of};
 use crate::bench::reference;
 use crate::bench::shared::SENT_HZ;
@@ -83,6 +84,8 @@ struct Report {
     /// Which parameters the board ran.
     parameters: Option<String>,
     checksum: Option<String>,
+    /// How often the monitor's reading fell since the board was armed last.
+    falls: u16,
     /// How far the film has moved from them, where the law follows it.
     adaptation: Option<Film>,
 }
@@ -168,13 +171,15 @@ impl Stream {
         ended?;
         written?;
         let (parameters, checksum) = parameters?.unzip();
+        let state = state?;
         let report = Report {
             parameters,
             checksum: digits(checksum.flatten()),
             out: shown(&self.out),
             samples,
             dropped,
-            state: named(state?.state),
+            state: named(state.state),
+            falls: state.falls,
             adaptation: film.ok().filter(Film::is_followed),
         };
         terminal::report(json, &report, || {
@@ -182,8 +187,9 @@ impl Stream {
             let checksum = report.checksum.as_deref().unwrap_or("unknown");
             let change =
                 report.adaptation.as_ref().and_then(Film::change).map_or(String::new(), |change| format!("\n{change}"));
+            let falls = falls_text(report.falls).map_or(String::new(), |falls| format!("\n{falls}"));
             format!(
-                "{}: {} samples, {} dropped; {}; parameters {parameters}, checksum {checksum}{change}",
+                "{}: {} samples, {} dropped; {}; parameters {parameters}, checksum {checksum}{change}{falls}",
                 report.out, report.samples, report.dropped, report.state
             )
         })

@@ -28,6 +28,8 @@ struct How {
     /// More than 0 on a line that is flooded.
     lost_bytes: u32,
     stack_peak_bytes: u32,
+    /// How often the monitor's reading fell since it was armed last.
+    falls: u16,
 }
 
 /// Parts as of the last tick, as `self-test` names them.
@@ -75,6 +77,14 @@ impl Parts {
     }
 }
 
+/// Falls of the monitor's reading in words, if there were any.
+pub(super) fn falls_text(falls: u16) -> Option<String> {
+    let times = if falls == 1 { "once".to_owned() } else { format!("{falls} times") };
+    (falls > 0).then(|| {
+        format!("since it was armed the monitor's reading fell {times}, as with an arc: look at film and leads")
+    })
+}
+
 pub(super) fn report(mut client: Client, port: String, json: bool) -> Result<()> {
     let status = client.status()?;
     let parts = match client.ask(Command::Inspect)? {
@@ -98,6 +108,7 @@ pub(super) fn report(mut client: Client, port: String, json: bool) -> Result<()>
         unknown_frames,
         lost_bytes,
         stack_peak_bytes: status.stack_peak,
+        falls: status.falls,
     };
     terminal::report(json, &how, || {
         let parameters = how.rate_hz.map_or("no parameters yet".into(), |rate_hz| format!("{rate_hz} Hz"));
@@ -110,10 +121,11 @@ pub(super) fn report(mut client: Client, port: String, json: bool) -> Result<()>
                 format!("; {lost} bytes lost, the line brings more than is served: does another program write to it?")
             }
         };
+        let falls = falls_text(how.falls).map_or(String::new(), |falls| format!("\n{falls}"));
         let parts = how.parts.as_ref().map_or("this board does not report its parts".into(), Parts::line);
         format!(
             "{}: {}, {parameters}, {command_v:.0} V commanded, monitor {monitor}{live}, tick {ticks}{trip}\n{parts}\n\
-             frames: {damaged_frames} damaged, {unknown_frames} not understood{flood}; stack: {} bytes at the most",
+             frames: {damaged_frames} damaged, {unknown_frames} not understood{flood}; stack: {} bytes at the most{falls}",
             how.port, how.state, how.stack_peak_bytes
         )
     })

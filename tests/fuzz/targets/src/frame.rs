@@ -34,7 +34,9 @@ pub fn run(data: &[u8]) -> bool {
             1 => trial.send(&seal(bytes)),
             2 => {
                 trial.newest = trial.newest.wrapping_add(1);
-                trial.send(&seal(&[varint(trial.newest).as_slice(), &varint(trial.token), bytes].concat()));
+                trial.send(&seal(
+                    &[varint::<5>(trial.newest).as_slice(), &varint::<3>(trial.token.into()), bytes].concat(),
+                ));
             }
             _ => {
                 if let &[faults, ticks, ..] = bytes {
@@ -47,8 +49,9 @@ pub fn run(data: &[u8]) -> bool {
     trial.driven
 }
 
-fn varint(value: u16) -> Vec<u8> {
-    [value & 0x7f | 0x80, value >> 7 & 0x7f | 0x80, value >> 14].map(|byte| byte as u8).to_vec()
+/// In so many bytes.
+fn varint<const N: usize>(value: u32) -> [u8; N] {
+    std::array::from_fn(|k| (value >> (7 * k) & 0x7f) as u8 | if k + 1 < N { 0x80 } else { 0 })
 }
 
 /// A bench whose amplifier follows at once, and whose film does not move.
@@ -92,7 +95,7 @@ struct Trial {
     /// Token of the host that armed last; 0 before.
     token: u16,
     /// Number of its newest request.
-    newest: u16,
+    newest: u32,
     /// Ticks since a request kept the amplifier enabled.
     idle: u32,
     /// The mode of the run, from the host's request.
@@ -151,7 +154,7 @@ impl Trial {
     fn check(
         &mut self,
         received: &Received,
-        (sequence, answer): (u16, &Answer),
+        (sequence, answer): (u32, &Answer),
         before: DriverState,
         after: DriverState,
     ) {
@@ -270,7 +273,7 @@ impl Trial {
     }
 }
 
-fn fits_in_a_frame(sequence: u16, answer: &Answer) {
+fn fits_in_a_frame(sequence: u32, answer: &Answer) {
     let mut frame = [0; 400];
     let message = Message::Answer { sequence, answer: answer.clone() };
     let length = encode(&message, &mut frame).expect("every answer fits");

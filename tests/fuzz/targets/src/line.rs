@@ -4,7 +4,7 @@
 const MAX_FRAME: usize = 360;
 
 /// The version of the protocol.
-const VERSION: u8 = 6;
+const VERSION: u8 = 7;
 
 /// CRC-32 (ISO-HDLC), bit by bit.
 pub fn crc32(bytes: &[u8]) -> u32 {
@@ -48,7 +48,7 @@ pub enum Received {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Heading {
     /// Its number.
-    pub sequence: u16,
+    pub sequence: u32,
     /// The token of the host that armed.
     pub token: u16,
     /// The number of the command.
@@ -107,7 +107,7 @@ fn unstuffed(stuffed: &[u8]) -> Option<Vec<u8>> {
 fn request(message: &[u8]) -> Option<Heading> {
     let mut rest = message;
     let take = &mut rest;
-    let sequence = u16::try_from(varint(take, 3)?).ok()?;
+    let sequence = u32::try_from(varint(take, 5)?).ok()?;
     let token = u16::try_from(varint(take, 3)?).ok()?;
     let command = u32::try_from(varint(take, 5)?).ok()?;
     let first = take.first().copied().unwrap_or(0);

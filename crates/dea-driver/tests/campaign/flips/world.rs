@@ -90,7 +90,7 @@ pub struct World {
     pub event: Option<Event>,
     doing: Doing,
     token: u16,
-    sequence: u16,
+    sequence: u32,
     tick: u32,
     above: u32,
     pub danger: Option<&'static str>,
