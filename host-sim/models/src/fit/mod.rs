@@ -218,10 +218,13 @@ fn with_temperatures(
 /// errors those of the copy.
 pub fn repeated(observations: &[Observation]) -> Option<String> {
     let (later, earlier) = repeats::first(observations)?;
-    Some(format!(
-        "{}: is a copy of {}, perhaps scaled, shifted, resampled, cut or smoothed: the noise is the same; leave it out",
-        later.name, earlier.name
-    ))
+    let name = &later.name;
+    Some(if std::ptr::eq(later, earlier) {
+        format!("{name}: its second half is a copy of its first: the noise is the same; leave one of them out")
+    } else {
+        let changes = "perhaps scaled, shifted, resampled, cut or smoothed";
+        format!("{name}: is a copy of {}, {changes}: the noise is the same; leave it out", earlier.name)
+    })
 }
 
 /// Refuses observations of which one is a copy of another.

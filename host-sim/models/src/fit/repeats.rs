@@ -3,6 +3,8 @@
 //! A copy is no second measurement: it shares the noise of the first, or both have none. The noise is what no linear equation of the rows
 //! before and of the drive predicts: neither scales nor clocks of a copy change it, and two measurements never have the same.
 
+use std::ops::Range;
+
 use host_fft::Planner;
 use num_complex::Complex;
 
@@ -43,7 +45,7 @@ const SMOOTH: f64 = 0.3;
 const SMOOTHED: f64 = 1.2;
 const SHARED: f64 = 0.3;
 
-/// The first of `observations` that repeats an earlier one, and that one.
+/// The first of `observations` that repeats an earlier one, and that one; or one that repeats itself, twice.
 #[must_use]
 pub fn first(observations: &[Observation]) -> Option<(&Observation, &Observation)> {
     let rows: Vec<Rows> = observations.iter().map(Rows::new).collect();
@@ -55,7 +57,8 @@ pub fn first(observations: &[Observation]) -> Option<(&Observation, &Observation
         let (coarse, fine) = if rows[j].step_s < rows[k].step_s { (k, j) } else { (j, k) };
         is_repeat([&rows[coarse], &rows[fine]], [&observations[coarse], &observations[fine]])
     };
-    pairs.find(is_repeat).map(|(later, earlier)| (&observations[later], &observations[earlier]))
+    let first = pairs.find(is_repeat).map(|(later, earlier)| (&observations[later], &observations[earlier]));
+    first.or_else(|| observations.iter().find(|observation| is_twice(observation)).map(|twice| (twice, twice)))
 }
 
 /// Compares the rows of a coarse recording with those of a fine one: one for one or for each of a few, or at the same times.
@@ -71,6 +74,14 @@ fn is_repeat([coarse, fine]: [&Rows; 2], observations: [&Observation; 2]) -> boo
     let is_even = (ratio - 1.0).abs() < 1e-6 && coarse.is_even && fine.is_even;
     let [one, other] = observations.map(|observation| Rows::at_rate(observation, 1.0 / coarse.step_s));
     !is_even && one.zip(other).is_some_and(|(one, other)| one.is_copy_of(&other))
+}
+
+/// Whether the second half of a recording has the noise of the first: a run that is in it twice. Without noise, cycles of a film that has settled
+/// are alike.
+fn is_twice(observation: &Observation) -> bool {
+    let middle = observation.measured.time_s.len() / 2;
+    let [one, other] = [0, middle].map(|from| Rows::part(observation, from..from + middle));
+    Match::of_noise(&one.noise, &other.noise).is_some_and(|noise| one.has_the_noise_of(&other, &noise))
 }
 
 /// Rows of a recording.
@@ -89,17 +100,21 @@ struct Rows {
 
 impl Rows {
     fn new(observation: &Observation) -> Self {
-        let time_s = &observation.measured.time_s;
+        Self::part(observation, 0..observation.measured.time_s.len())
+    }
+
+    /// The first of these rows, as many as are compared.
+    fn part(observation: &Observation, rows: Range<usize>) -> Self {
+        let rows = rows.start..rows.end.min(rows.start + MAX_ROWS);
+        let time_s = &observation.measured.time_s[rows.clone()];
         let steps: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let step_s = median(&steps);
         let is_even = steps.iter().all(|step| (step / step_s - 1.0).abs() < 1e-3);
         let drive = observation.input.samples().at(time_s.iter().copied());
-        Self::from_columns(drive, observation.measured.value.clone(), step_s, is_even)
+        Self::from_columns(drive, observation.measured.value[rows].to_vec(), step_s, is_even)
     }
 
-    fn from_columns(mut drive: Vec<f64>, mut measured: Vec<f64>, step_s: f64, is_even: bool) -> Self {
-        drive.truncate(MAX_ROWS);
-        measured.truncate(MAX_ROWS);
+    fn from_columns(drive: Vec<f64>, measured: Vec<f64>, step_s: f64, is_even: bool) -> Self {
         let mut noise = unpredicted(&drive, &measured);
         let deviation = robust_deviation(&noise);
         noise.iter_mut().for_each(|value| *value = value.clamp(-3.0 * deviation, 3.0 * deviation));
@@ -133,18 +148,29 @@ impl Rows {
             && robust_deviation(&rest) < EXACT_DRIVE * range
     }
 
+    /// The size of the readings, m.
+    fn size(&self) -> f64 {
+        percentile_range(self.measured.iter().copied()).max(f64::MIN_POSITIVE)
+    }
+
+    fn has_noise(&self) -> bool {
+        self.deviation > NO_NOISE * self.size()
+    }
+
+    /// Whether both have a noise, one under one drive.
+    fn has_the_noise_of(&self, other: &Self, noise: &Match) -> bool {
+        let least = if self.in_steps && other.in_steps { SAME_STEPS } else { SAME_NOISE };
+        self.has_noise()
+            && other.has_noise()
+            && noise.is_single()
+            && noise.correlation.abs() > least.max(noise.chance)
+            && self.has_the_drive_of(other, noise.lag)
+    }
+
     fn is_copy_of(&self, other: &Self) -> bool {
-        let size = |rows: &Self| percentile_range(rows.measured.iter().copied()).max(f64::MIN_POSITIVE);
         let Some(noise) = Match::of_noise(&self.noise, &other.noise) else { return false };
-        let has_noise = |rows: &Self| rows.deviation > NO_NOISE * size(rows);
-        if has_noise(self) && has_noise(other) {
-            let least = if self.in_steps && other.in_steps { SAME_STEPS } else { SAME_NOISE };
-            if noise.is_single()
-                && noise.correlation.abs() > least.max(noise.chance)
-                && self.has_the_drive_of(other, noise.lag)
-            {
-                return true;
-            }
+        if self.has_the_noise_of(other, &noise) {
+            return true;
         }
         let (short, long) = if self.measured.len() < other.measured.len() { (self, other) } else { (other, self) };
         let Some(lag) = best_lag(&short.measured, &long.measured) else { return false };
@@ -157,7 +183,7 @@ impl Rows {
         }
         let (least, most) = (self.deviation.min(other.deviation), self.deviation.max(other.deviation));
         let is_smoothed = least < SMOOTH * most && differs <= SMOOTHED * most && noise.correlation.abs() > SHARED;
-        is_smoothed || (!(has_noise(self) && has_noise(other)) && differs <= EQUAL * size(short))
+        is_smoothed || (!(self.has_noise() && other.has_noise()) && differs <= EQUAL * short.size())
     }
 }
 

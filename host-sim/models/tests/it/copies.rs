@@ -74,10 +74,18 @@ fn recording(name: &str, rows: &Rows) -> Recording {
 }
 
 fn is_copy(one: &Rows, other: &Rows) -> bool {
-    let recordings = [recording("one.csv", one), recording("other.csv", other)];
-    let observed =
-        recordings.map(|recording| observation::observe(&recording, Direction::Force, 1.0).expect("valid").0);
-    fit::repeated(&observed).is_some()
+    are_copies(&[recording("one.csv", one), recording("other.csv", other)])
+}
+
+fn are_copies(recordings: &[Recording]) -> bool {
+    let observe = |recording| observation::observe(recording, Direction::Force, 1.0).expect("valid").0;
+    fit::repeated(&recordings.iter().map(observe).collect::<Vec<_>>()).is_some()
+}
+
+/// The rows of `other` behind those of `one`, after a pause.
+fn joined(one: &Rows, other: &Rows, pause_s: f64) -> Rows {
+    let late_s = one[one.len() - 1][0] - other[0][0] + pause_s;
+    one.iter().copied().chain(other.iter().map(|[t, volts, stroke]| [t + late_s, *volts, *stroke])).collect()
 }
 
 /// At a multiple of the rate.
@@ -183,6 +191,28 @@ fn copies_of_any_kind_are_found() {
             .any(|text| text.split(':').next().is_some_and(|seed| seed.parse::<u64>().is_ok_and(|s| s < count))),
         "{missed:#?}"
     );
+}
+
+/// A run that is twice in one file, with or without a pause; not one that is measured twice, and not one with cycles that are alike.
+#[test]
+fn a_run_that_is_twice_in_a_file_is_found() {
+    for seed in 0..if full_sweep() { 600 } else { 40 } {
+        let mut random = Pcg64::seed_from_u64(4000 + seed);
+        let size = 10f64.powf(random.random_range(-3.5..-2.0));
+        let volts = drive(&mut random);
+        let rows = measured(&mut random, &volts, 0.05, size);
+        let mut again = rows.clone();
+        let (name, change) = &CHANGES[(seed % 4) as usize];
+        change(&mut again, &mut random, 1e-3 * size);
+        let pause_s = if seed % 3 == 0 { 0.01 } else { random.random_range(0.05..20.0) };
+        assert!(are_copies(&[recording("twice.csv", &joined(&rows, &again, pause_s))]), "{seed}: {name}");
+        let twice = [volts.clone(), volts].concat();
+        let mut other = measured(&mut random, &twice, 0.05, size);
+        if seed % 2 == 0 {
+            other.iter_mut().for_each(|row| row[2] = (row[2] / (2e-3 * size)).round() * 2e-3 * size);
+        }
+        assert!(!are_copies(&[recording("measured.csv", &other)]), "{seed}: noise {size:.1e}");
+    }
 }
 
 /// Recordings of no noise, as they are simulated.
