@@ -15,6 +15,7 @@ mod export;
 mod feedforward;
 mod fit;
 mod flags;
+mod following;
 mod frequency_response;
 mod import;
 mod link;

@@ -250,9 +250,30 @@ impl Recorded {
         (growth, beyond)
     }
 
+    /// The film of the fit to a part whose answer to `voltage_v`, which takes the film of `parameters` along `reference` (m, on `grid`), differs
+    /// most; none where one of them does not follow.
+    #[must_use]
+    pub fn farthest(
+        &self,
+        parameters: &Parameters,
+        reference: &[f64],
+        grid: Grid,
+        voltage_v: Vec<f64>,
+    ) -> Option<Parameters> {
+        let squares = self.squares(parameters, reference, grid, voltage_v)?;
+        let (_, refit) = squares.iter().zip(&self.refits).max_by(|(a, _), (b, _)| a.total_cmp(b))?;
+        refit.parameters(parameters)
+    }
+
     /// RMS difference (m) of the fits to parts from the film of `parameters`, which the end of `voltage_v` takes along `reference` (m); none where
     /// one of them does not follow.
     fn difference_m(&self, parameters: &Parameters, reference: &[f64], grid: Grid, voltage_v: Vec<f64>) -> Option<f64> {
+        let squares = self.squares(parameters, reference, grid, voltage_v)?;
+        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    }
+
+    /// Mean squares (m²) of these differences, of each of the fits.
+    fn squares(&self, parameters: &Parameters, reference: &[f64], grid: Grid, voltage_v: Vec<f64>) -> Option<Vec<f64>> {
         let before = voltage_v.len() - reference.len();
         let grid = Grid { samples: voltage_v.len(), ..grid };
         let input = Input::Voltage(Samples { time_s: grid.times_s(), value: voltage_v });
@@ -264,8 +285,7 @@ impl Recorded {
             let off = moved.displacement_m.iter().skip(before).zip(reference).skip(from);
             Some(off.map(|(x, wanted)| (x - wanted).powi(2)).sum::<f64>() / (reference.len() - from) as f64)
         };
-        let squares: Vec<f64> = self.refits.iter().map(square).collect::<Option<_>>()?;
-        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+        self.refits.iter().map(square).collect()
     }
 }
 

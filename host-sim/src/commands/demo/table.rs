@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::Report;
 use super::firmware::Firmware;
+use crate::commands::following::{REFITTED_FILM, SIMULATED_FILM};
 use crate::commands::replay;
 
 /// The results of a demo in some twenty lines.
@@ -21,7 +22,7 @@ pub(super) fn text(report: &Report<'_>) -> String {
     );
     let _ =
         writeln!(text, "\nreplayed through the controller's code, f32 at 1 kHz:\n{}", replay::table(&report.replay));
-    match &report.reference {
+    match &report.following.reference {
         None => {
             text.push_str("\nno sine is followed: that needs recorded voltages, and a sine that stays within them\n")
         }
@@ -37,10 +38,10 @@ pub(super) fn text(report: &Report<'_>) -> String {
             );
         }
     }
-    if !report.closed_loop.is_empty() {
-        text.push_str("followed on the simulated film, error from t = 0:\n");
+    if !report.following.closed_loop.is_empty() {
+        let _ = writeln!(text, "followed on {}, error from t = 0:", film(report));
         let _ = writeln!(text, "{:12}  {:>22}  {:>10}", "controller", "RMS, % of peak to peak", "largest µm");
-        for row in &report.closed_loop {
+        for row in &report.following.closed_loop {
             let rms = row.quality.tracking_rms_pct.unwrap_or(f64::NAN);
             let _ = writeln!(text, "{:12}  {rms:>22.3}  {:>10.1}", row.controller, 1e6 * row.quality.largest_error_m);
         }
@@ -73,14 +74,19 @@ fn end(mut text: String, report: &Report<'_>) -> String {
     }
     if report.simulated {
         text.push_str("; with recordings of your own: demo --recordings A.csv B.csv --actuator film-size.toml");
-    } else if report.reference.is_some() {
+    } else if report.following.reference.is_some() {
         text.push_str(
             "; any signal source can play voltage.csv. film.bin has the paper's bench: before a controller drives a film, give film.toml \
              the [board] of yours",
         );
     }
-    if let Some(verdict) = &report.verdict {
-        let _ = write!(text, "\nthe simulated film {verdict}");
+    if let Some(verdict) = &report.following.verdict {
+        let _ = write!(text, "\n{} {verdict}", film(report));
     }
     text
+}
+
+/// The film that follows.
+fn film(report: &Report<'_>) -> &'static str {
+    if report.simulated { SIMULATED_FILM } else { REFITTED_FILM }
 }

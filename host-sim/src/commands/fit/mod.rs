@@ -7,9 +7,11 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use clap::Args;
+use serde::Serialize;
 use springpot::CommandLimits;
 
 use self::options::FitArguments;
+use super::following::{Followed, Following, REFITTED_FILM, Sine};
 use super::recordings::RecordingOptions;
 use super::with_flags;
 use crate::error::{Error, Result, shown};
@@ -24,7 +26,7 @@ use crate::progress::Progress;
 use crate::replay::feasibility;
 use crate::replay::memory::RunOptions;
 use crate::report::fit_page::FitPage;
-use crate::report::numbers::Document;
+use crate::report::numbers::{Document, Numbers};
 use crate::report::origin;
 use crate::terminal;
 
@@ -76,18 +78,20 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     }
     for report in &reports {
         let of = if arguments.each {
-            report.parameters_file.as_ref().map_or_else(String::new, |file| format!("{file}: "))
+            report.fit.parameters_file.as_ref().map_or_else(String::new, |file| format!("{file}: "))
         } else {
             String::new()
         };
-        terminal::warnings(json, report.warnings.iter().map(|warning| format!("{of}{warning}")));
+        terminal::warnings(json, report.fit.warnings.iter().map(|warning| format!("{of}{warning}")));
     }
-    for compression in reports.iter().filter_map(|report| report.compression.as_ref()) {
+    for compression in reports.iter().filter_map(|report| report.fit.compression.as_ref()) {
         terminal::note(compression.text());
     }
     match reports.as_slice() {
-        [report] if !arguments.each => terminal::report(json, report, || report.text()),
-        _ => terminal::report(json, &reports, || reports.iter().map(FitReport::text).collect::<Vec<_>>().join("\n\n")),
+        [report] if !arguments.each => terminal::report(json, report, || report.fit.text()),
+        _ => terminal::report(json, &reports, || {
+            reports.iter().map(|report| report.fit.text()).collect::<Vec<_>>().join("\n\n")
+        }),
     }
 }
 
@@ -141,6 +145,15 @@ impl Arguments {
     }
 }
 
+/// The report of a fit, and of the sine that its page shows.
+#[derive(Serialize)]
+struct Reported<R> {
+    #[serde(flatten)]
+    fit: R,
+    #[serde(flatten)]
+    following: Option<Following>,
+}
+
 /// A fit that is done: its report and what its files are made of.
 pub(super) struct Done {
     pub(super) report: FitReport,
@@ -152,7 +165,12 @@ pub(super) struct Done {
 
 impl Job<'_> {
     /// Fits, and writes the parameters and the page; the report states the error to expect along a `reference`.
-    fn run(self, settings: &Settings, direction: Direction, reference: Option<&(Vec<f64>, Grid)>) -> Result<FitReport> {
+    fn run(
+        self,
+        settings: &Settings,
+        direction: Direction,
+        reference: Option<&(Vec<f64>, Grid)>,
+    ) -> Result<Reported<FitReport>> {
         let (out, page) = (self.out.clone(), self.page.clone());
         let mut done = self.fit(settings, direction)?;
         if let Some((reference, grid)) = reference {
@@ -160,13 +178,14 @@ impl Job<'_> {
             done.report.expectation = check.expectation;
         }
         let mut written = vec![done.stage_parameters(&out)?];
+        let mut following = None;
         if let Some(page) = &page {
-            let document = Document::from_report(&done.report)?;
-            let html = done.page(&done.report).html(PAGE_TITLE, &document, "", Vec::new());
+            let (html, report) = done.page_with_sine()?;
+            following = report;
             written.push(Staged::new(page, |file| file.write_all(html.as_bytes()))?);
         }
         written.into_iter().try_for_each(Staged::commit)?;
-        Ok(done.report)
+        Ok(Reported { fit: done.report, following })
     }
 
     /// Fits.
@@ -199,6 +218,21 @@ impl Done {
     pub(super) fn page<'a>(&'a self, report: &'a FitReport) -> FitPage<'a> {
         let Self { fit, observations, parameters, direction, .. } = self;
         FitPage { report, fit, observations, parameters, direction: *direction, followed: None }
+    }
+
+    /// The page, which begins with a sine that the film can follow, and what the document has of that.
+    fn page_with_sine(&self) -> Result<(String, Option<Following>)> {
+        let stop = interrupt::stop_flag();
+        // A film that no controller can step, or that follows no sine, has none.
+        let sine = if self.report.interrupted { None } else { Sine::followable(&self.parameters).ok().flatten() };
+        let followed = sine.map(|sine| sine.follow_refit(&self.parameters, stop));
+        let reported = Reported { fit: &self.report, following: followed.as_ref().map(Followed::report) };
+        let document = Document::from_report(&reported)?;
+        let numbers = Numbers::from_document(&document);
+        let picture = |(followed, report): (&Followed, &Following)| followed.picture(report, &numbers, REFITTED_FILM);
+        let followed = followed.as_ref().zip(reported.following.as_ref()).map(picture);
+        let html = FitPage { followed, ..self.page(&self.report) }.html(PAGE_TITLE, &document, "", Vec::new());
+        Ok((html, reported.following))
     }
 }
 

@@ -31,13 +31,13 @@ pub struct FitPage<'a> {
     /// Input of the model.
     pub direction: Direction,
     /// How a film follows with it, where one was simulated.
-    pub followed: Option<Followed<'a>>,
+    pub followed: Option<Picture>,
 }
 
 /// How a film follows a reference: the first that the page shows.
-pub struct Followed<'a> {
-    /// In a sentence, where a film was simulated.
-    pub verdict: Option<&'a str>,
+pub struct Picture {
+    /// In a sentence, where it was run.
+    pub verdict: Option<String>,
     /// In pictures.
     pub section: Section,
 }
@@ -52,7 +52,7 @@ impl FitPage<'_> {
             }
         };
         let (verdict, first) =
-            self.followed.map_or((None, None), |Followed { verdict, section }| (verdict, Some(section)));
+            self.followed.map_or((None, None), |Picture { verdict, section }| (verdict, Some(section)));
         let mut sections: Vec<Section> = first.into_iter().collect();
         sections.extend([
             Section::new(
@@ -71,9 +71,8 @@ impl FitPage<'_> {
             Section::new("origin", "Files and origin", origin::body(&numbers, self.direction)),
         ]);
         let lead = html! {
-            @if let Some(verdict) = verdict {
-                p.verdict { "The simulated film " (verdict) "." }
-            } @else if matches!(self.observations[0].input, Input::Voltage(_)) {
+            @if let Some(verdict) = verdict { p.verdict { (verdict) } }
+            @if matches!(self.observations[0].input, Input::Voltage(_)) {
                 p.verdict {
                     "Expect feedforward to be off by up to " (numbers.number("/expected_pct", Form::Fixed(2)))
                     " % RMS within the recorded strokes, speeds and times."
