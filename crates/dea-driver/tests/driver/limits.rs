@@ -182,7 +182,7 @@ fn limits_that_are_not_stated_have_values() {
     assert_eq!((limits.max_disturbance_share, limits.discharge_s, limits.sensor.stuck_band), (0.1, 1.0, 2e-6));
 }
 
-/// The model alone trips where the full law under the same voltage is between 1.5 % before the end of the stroke and 1 % beyond it, whatever
+/// The model alone trips where the full law under the same voltage is between 1.5 % before the end of the stroke and its end, whatever
 /// the published film, alone, behind a curve, with two and with a spring in series: what `Law::coarser` promises.
 #[test]
 fn the_model_alone_keeps_the_stroke() {
@@ -196,7 +196,7 @@ fn the_model_alone_keeps_the_stroke() {
         {
             let furthest_m = stroke_at_the_trip(&preset.model().expect("valid"), *curve, *spring);
             println!("{} {kind}: trips at {:.4} mm of 1", preset.name(), 1e3 * furthest_m);
-            assert!((0.985e-3..=1.010e-3).contains(&furthest_m), "{}: {furthest_m}", preset.name());
+            assert!((0.985e-3..=1e-3).contains(&furthest_m), "{}: {furthest_m}", preset.name());
         }
     }
 }
@@ -294,6 +294,6 @@ fn creep_from_before_a_reset_or_an_upload_counts_for_the_stroke() {
         let state = run(&mut device, 100_000, 2400.0, false);
         println!("reset: {is_reset}, shown: {is_shown}, after {loaded_ticks} ticks: {state:?}, {furthest_m} m");
         assert_eq!(state, DriverState::Tripped(Cause::ModelDisplacement));
-        assert!(furthest_m < 1.02e-3 && furthest_m > 0.7e-3, "{furthest_m} m");
+        assert!(furthest_m <= 1e-3 && furthest_m > 0.7e-3, "{furthest_m} m");
     }
 }

@@ -94,6 +94,9 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
 /// Frequencies at which a coarser law is compared with its own, in an octave and in all, from 1 Hz downwards: to a million seconds.
 const PLACES_PER_OCTAVE: u8 = 3;
 const PLACES: u8 = 60;
+/// Share by which it may be stiffer faster than that, between these places and by rounding: at most 2.1e-3 on 227 random and hard laws at rates
+/// from 100 to 5000 Hz.
+const UNSEEN: f64 = 2.5e-3;
 /// Places of the stroke at which a curve is compared.
 const STROKES: u8 = 32;
 
@@ -101,7 +104,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// How much less than this law `coarser` may move, as a share of the displacement, up to `stroke_m` (m) under a voltage whose force grows by
     /// `coupling_per_m` (1/m) with the displacement. Infinite where voltages cannot hold the film within that stroke.
     ///
-    /// The largest share by which its memory is stiffer, from 1 Hz to a million seconds, times what elastic curves and coupling make of it: where
+    /// The largest share by which its memory is stiffer, from 1 Hz to a million seconds, and 0.25 % for what is faster, times what elastic curves and coupling make of it: where
     /// T(x) K = F (1 + κ x),
     ///
     /// ```text
@@ -124,6 +127,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
             stiffer = stiffer.max(0.5 * (ratio - 1.0));
             frequency_hz *= step;
         }
+        stiffer += UNSEEN;
         let strokes = (1..=STROKES).map(|place| stroke_m * f64::from(place) / f64::from(STROKES));
         // A memory relaxes monotonically.
         let stiffnesses = || [frequency_hz, 1.0].map(|hz| self.memory_stiffness(hz));
