@@ -1,5 +1,6 @@
 //! A sine that a fitted film can follow, without and with compensation: the first that the pages of a fit and of a demo show.
 
+use std::f64::consts::PI;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use maud::{Markup, html};
@@ -30,6 +31,8 @@ use crate::simulation::tuning::ControllerTuning;
 
 /// The controllers that are compared.
 const CONTROLLERS: [ControllerKind; 3] = [ControllerKind::None, ControllerKind::Feedforward, ControllerKind::Tracking];
+/// Its shares of the recorded stroke, of which the first that the film can follow is taken.
+const SHARES: [f64; 3] = [0.45, 0.25, 0.1];
 /// The longest sine, s.
 const MAX_S: f64 = 155.0;
 
@@ -73,16 +76,15 @@ pub(super) struct Sine {
 }
 
 impl Sine {
-    /// A sine of 45 %, or else of 25 or 10 % of the stroke that was recorded of the film of `parameters`, about its middle, moved by an offset
+    /// A sine of one of the [`SHARES`] of the stroke that was recorded of the film of `parameters`, about its middle, moved by an offset
     /// where the check finds one; within the voltage and the field of the recordings.
     pub(super) fn followable(parameters: &Parameters) -> Result<Option<Self>> {
-        let Some(Recorded { stroke_m: [_, peak_m], voltage_v, time_s, .. }) = Recorded::from_parameters(parameters)
-        else {
-            return Ok(None);
-        };
-        // As long as the model was fitted for, with a rise of half a period and fifteen periods.
-        let duration_s = time_s.min(MAX_S);
-        let period_s = duration_s / 15.5;
+        let Some(recorded) = Recorded::from_parameters(parameters) else { return Ok(None) };
+        let Recorded { stroke_m: [_, peak_m], voltage_v, .. } = recorded;
+        // As long as the model was fitted for, with a rise of half a period and fifteen periods, or fewer that are no faster than the recordings.
+        let duration_s = recorded.time_s.min(MAX_S);
+        let slowest_s = PI * SHARES[0] * peak_m / recorded.speed_m_per_s;
+        let period_s = (duration_s / 15.5).max(slowest_s.min(duration_s / 2.5));
         let grid = Grid::covering(duration_s, RunOptions::default().rate_hz)?;
         if !(voltage_v > 0.0 && peak_m > 0.0 && grid.samples > 100) {
             return Ok(None);
@@ -97,7 +99,7 @@ impl Sine {
             let check = feasibility::check(parameters, &values, grid, &limits)?;
             Ok(Self { grid, values, limits, reference, check })
         };
-        for share in [0.45, 0.25, 0.1] {
+        for share in SHARES {
             let (low_m, high_m) = (0.5 - 0.5 * share, 0.5 + 0.5 * share);
             let mut sine = on(low_m * peak_m, high_m * peak_m)?;
             if let (false, Some(least), Some(most)) =
