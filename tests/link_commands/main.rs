@@ -416,7 +416,6 @@ fn peer(react: fn(usize, &Command) -> ControlFlow<(), Option<Answer>>) -> (Port,
 fn firmware_of_another_version_is_named_at_once() {
     let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a port");
     let port = Port::open(&format!("tcp:{}", listener.local_addr().expect("bound"))).expect("opens");
-    let patience = port.patience();
     let peer = thread::spawn(move || {
         let (line, _) = listener.accept().expect("connects");
         let mut bytes = Read::bytes(&line).map_while(Result::ok).skip_while(|byte| *byte == 0);
@@ -431,7 +430,7 @@ fn firmware_of_another_version_is_named_at_once() {
     let Err(error) = Client::new(port).map(drop) else { panic!("another version") };
     let error = error.to_string();
     assert!(error.contains(&format!("version 6 of the link, this tool needs {VERSION}: flash")), "{error}");
-    assert_eq!(peer.join().expect("ended"), 1, "asked again, for {patience:?}");
+    assert_eq!(peer.join().expect("ended"), 1, "asked again");
 }
 
 /// A controller that answers later than it is asked again, such as an emulator on a busy machine, is understood; one that hangs up is not

@@ -41,7 +41,7 @@ pub(super) const SIMULATED_FILM: &str = "the simulated film";
 pub(super) const REFITTED_FILM: &str = "the film as it is fitted to a part of the recordings";
 
 /// A sine and how a film follows it, for machines.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Default, Serialize)]
 pub(super) struct Following {
     /// How the film follows, in a sentence.
     pub(super) verdict: Option<String>,
@@ -50,7 +50,7 @@ pub(super) struct Following {
     pub(super) closed_loop: Vec<LoopRow>,
 }
 
-#[derive(Clone, Debug, Serialize)]
+#[derive(Serialize)]
 pub(super) struct ReferenceRow {
     pub(super) low_m: f64,
     pub(super) high_m: f64,
@@ -59,7 +59,7 @@ pub(super) struct ReferenceRow {
     pub(super) check: Feasibility,
 }
 
-#[derive(Clone, Debug, Serialize)]
+#[derive(Serialize)]
 pub(super) struct LoopRow {
     pub(super) controller: &'static str,
     #[serde(flatten)]
