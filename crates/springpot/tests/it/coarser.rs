@@ -73,7 +73,7 @@ fn extremes(
 
 /// The supervisor's limit of the stroke relies on this.
 fn stay_within_the_stated_band(what: &str, extremes: [f64; 2]) {
-    assert!(extremes[0] >= -0.01 && extremes[1] <= 0.015, "{what}: {extremes:?}");
+    assert!(extremes[0] >= -0.0075 && extremes[1] <= 0.012, "{what}: {extremes:?}");
 }
 
 #[test]
