@@ -63,3 +63,20 @@ fn a_write_protected_file_is_kept() {
     names(&line, &["kept.csv", "write-protected"]);
     assert_eq!(bench.read("kept.csv"), "kept");
 }
+
+/// Names of columns that are pages of text fill no screen.
+#[test]
+fn long_names_are_shortened() {
+    let bench = Bench::new(TOOL);
+    let others: Vec<String> = (0..300).map(|k| format!("remark {k} {}", "x".repeat(60))).collect();
+    for (title, words) in
+        [("y".repeat(20_000), "no displacement was read"), ("Displacement (mm)".into(), "displacement ")]
+    {
+        let rows = (0..300).map(|k| format!("{},{},0.{k:03}{}\n", 0.1 * f64::from(k), 10 * k, ",a".repeat(300)));
+        let header = format!("Time (s),Voltage (V),{title},{}\n", others.join(","));
+        bench.write("long.csv", header + &rows.collect::<String>());
+        let read = bench.prints("import --out long long.csv");
+        assert!(read.contains("ignored") && read.contains(words), "{read}");
+        assert!(read.lines().all(|line| line.chars().count() <= 1000), "{read}");
+    }
+}

@@ -112,5 +112,20 @@ pub fn note(text: impl Display) {
 /// A line on standard error. Where that is gone, as after a hang-up, the line is lost.
 fn line(text: &str) {
     let mut stderr = anstream::AutoStream::auto(io::stderr()).lock();
-    let _ = writeln!(stderr, "{text}");
+    let _ = writeln!(stderr, "{}", shortened(text));
+}
+
+/// `text` with the middle left out of lines that are too long to read, as where names of columns are pages of text.
+pub fn shortened(text: &str) -> String {
+    const MAX_LINE: usize = 1000;
+    const KEPT: [usize; 2] = [600, 300];
+    let short = |line: &str| {
+        let count = line.chars().count();
+        if count <= MAX_LINE {
+            return line.to_owned();
+        }
+        let (begin, end) = (line.chars().take(KEPT[0]), line.chars().skip(count - KEPT[1]));
+        format!("{} … {}", begin.collect::<String>(), end.collect::<String>())
+    };
+    text.split('\n').map(short).collect::<Vec<_>>().join("\n")
 }

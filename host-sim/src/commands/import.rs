@@ -102,7 +102,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     }
     staged.into_iter().try_for_each(Staged::commit)?;
     let report = Report { files: imported.into_iter().map(|(report, _)| report).collect() };
-    terminal::report(json, &report, || report.files.iter().map(text).collect::<Vec<_>>().join("\n\n"))
+    terminal::report(json, &report, || {
+        terminal::shortened(&report.files.iter().map(text).collect::<Vec<_>>().join("\n\n"))
+    })
 }
 
 impl Arguments {
