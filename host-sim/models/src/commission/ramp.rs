@@ -26,6 +26,8 @@ const CREEP_S: f64 = 0.3;
 /// Share of its largest growth before that one of two steps must have, where that is so many times the noise: what grows less is a sensor at the end of
 /// its range.
 const FLAT: f64 = 0.1;
+/// Share of that growth, and of the predicted one, that a single step must have.
+const SHORT: f64 = 0.5;
 const SURE: f64 = 5.0;
 /// Share of the largest stroke by which the reading of a film at rest may drift over an excitation of so many seconds.
 const DRIFT: f64 = 0.1;
@@ -423,7 +425,8 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// Whether the displacement has not grown in the last two steps, although it did in those before.
+/// Whether the displacement has grown by less than half of what was predicted in the last step, or not at all in the last two, although it did in those
+/// before.
 pub(super) fn is_flat(steps: &[Step], noise_m: f64) -> bool {
     let growths: Vec<[f64; 2]> = steps
         .windows(2)
@@ -431,10 +434,15 @@ pub(super) fn is_flat(steps: &[Step], noise_m: f64) -> bool {
         .collect();
     let [before @ .., last_but_one, last] = growths.as_slice() else { return false };
     let usual = before.iter().map(|[squares, grown_m]| grown_m / squares).fold(0.0, f64::max);
-    [last_but_one, last].into_iter().all(|[squares, grown_m]| {
+    let is_below = |share: f64, [squares, grown_m]: &[f64; 2]| {
         let expected_m = usual * squares;
-        expected_m > SURE * noise_m && *grown_m < FLAT * expected_m
-    })
+        expected_m > SURE * noise_m && *grown_m < share * expected_m
+    };
+    let is_short = steps.windows(2).next_back().is_some_and(|pair| {
+        let predicted_m = pair[1].predicted_m.map_or(0.0, |predicted_m| predicted_m - pair[0].measured_m);
+        last[1] < SHORT * predicted_m && is_below(SHORT, last)
+    });
+    is_short || (is_below(FLAT, last_but_one) && is_below(FLAT, last))
 }
 
 /// Least squares; none where the columns do not differ.

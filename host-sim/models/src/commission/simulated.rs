@@ -50,6 +50,14 @@ choice! {
         AmplifierGain = "amplifier-gain",
         /// The monitor's zero is off by this, V.
         MonitorOffset = "monitor-offset",
+        /// The film's stroke grows by this share in 1000 s, as one that warms up.
+        Softening = "softening",
+        /// The sensor picks up 50 Hz of this amplitude, m.
+        Hum = "hum",
+        /// The bench shakes for half a second every ten seconds or so, by this, m.
+        Shaking = "shaking",
+        /// The film has no voltage for this time, s, every half a minute or so, which the monitor does not see.
+        Contact = "contact",
     }
 }
 
@@ -155,7 +163,8 @@ impl<'a> SimulatedBench<'a> {
 
     /// Displacement of the film, m.
     fn film_m(&self) -> f64 {
-        self.plant.displacement_m() / self.fault(FaultKind::LittleStroke).unwrap_or(1.0)
+        let softer = self.fault(FaultKind::Softening).unwrap_or(0.0) * self.ticks as f64 / (1000.0 * RATE_HZ);
+        self.plant.displacement_m() * (1.0 + softer) / self.fault(FaultKind::LittleStroke).unwrap_or(1.0)
     }
 
     /// The sensor's reading of the film as it is, m; none while it is lost.
@@ -178,7 +187,16 @@ impl<'a> SimulatedBench<'a> {
             self.slipped_m += share * self.furthest_m;
             self.next_slip += self.random.random_range(60_000..120_000);
         }
-        x += self.slipped_m + self.fault(FaultKind::Drift).unwrap_or(0.0) * self.ticks as f64 / RATE_HZ;
+        let time_s = self.ticks as f64 / RATE_HZ;
+        if let Some(amplitude_m) = self.fault(FaultKind::Hum) {
+            x += amplitude_m * (std::f64::consts::TAU * 50.02 * time_s).sin();
+        }
+        if let Some(amplitude_m) = self.fault(FaultKind::Shaking)
+            && (time_s + 3.0 * (0.03 * time_s).sin()).rem_euclid(10.0) < 0.5
+        {
+            x += amplitude_m * (std::f64::consts::TAU * 7.3 * time_s).sin();
+        }
+        x += self.slipped_m + self.fault(FaultKind::Drift).unwrap_or(0.0) * time_s;
         x = self.scaled_m(x);
         x = x.min(self.fault(FaultKind::Saturation).unwrap_or(f64::INFINITY));
         self.late_m.push_back(x);
@@ -226,7 +244,11 @@ impl<'a> SimulatedBench<'a> {
         let more = u64::from(self.random.random_bool(share.clamp(0.0, 1.0)));
         let (ticks, substeps) = self.substeps;
         if self.ticks.is_multiple_of(ticks) {
-            (0..substeps * (1 + more)).for_each(|_| self.plant.advance(self.film_v));
+            let is_lost = self
+                .fault(FaultKind::Contact)
+                .is_some_and(|lost_s| (self.ticks as f64 / RATE_HZ + 17.0).rem_euclid(31.0) < lost_s);
+            let film_v = if is_lost { 0.0 } else { self.film_v };
+            (0..substeps * (1 + more)).for_each(|_| self.plant.advance(film_v));
         }
         self.ticks += 1;
         self.furthest_m = self.furthest_m.max(self.film_m());

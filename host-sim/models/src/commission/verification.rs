@@ -21,30 +21,58 @@ pub struct Segments {
     pub times_s: Vec<Range<f64>>,
     /// Range of the displacements, m.
     pub range_m: f64,
+    /// Where each move ends, m, and how long it takes, s; that back to 0 is the last.
+    moves: Vec<(f64, f64)>,
+    /// Length of a segment, s.
+    length_s: f64,
 }
 
 /// Values of a reference per second.
 pub const RATE_HZ: f64 = 1000.0;
+/// Share of the sensor's noise below which no error is seen: the noise itself is not known better.
+pub const HIDDEN: f64 = 0.25;
+/// Share of its way that a move keeps when it is shortened.
+const SHORTENED: f64 = 0.7;
 
 impl Segments {
     /// So many segments from `low_m` to `high_m` in a band up to `band_hz`, drawn from `seed`.
     pub fn random(low_m: f64, high_m: f64, band_hz: f64, count: usize, seed: u64) -> Self {
         let mut random = Pcg64::seed_from_u64(seed);
         let length_s = 0.8 / band_hz;
-        let (mut from_m, mut reference_m, mut times_s) = (0.0, Vec::new(), Vec::new());
-        for k in 0..count + 2 {
+        let mut draw = |k| {
             let to_m = if k > count { 0.0 } else { random.random_range(low_m..=high_m) };
-            let move_s = length_s * random.random_range(0.5..1.0);
-            let samples = (length_s * RATE_HZ).round() as usize;
+            (to_m, length_s * random.random_range(0.5..1.0))
+        };
+        Self::along((0..count + 2).map(&mut draw).collect(), length_s)
+    }
+
+    fn along(moves: Vec<(f64, f64)>, length_s: f64) -> Self {
+        let (mut from_m, mut reference_m) = (0.0, Vec::new());
+        let samples = (length_s * RATE_HZ).round() as usize;
+        for &(to_m, move_s) in &moves {
             let at = |j: usize| from_m + (to_m - from_m) * minimum_jerk(j as f64 / RATE_HZ / move_s);
             reference_m.extend((0..samples).map(at));
-            let begin_s = k as f64 * samples as f64 / RATE_HZ;
-            times_s.push(begin_s..begin_s + samples as f64 / RATE_HZ);
             from_m = to_m;
         }
-        times_s.pop();
-        times_s.remove(0);
-        Self { reference_m, times_s, range_m: high_m - low_m }
+        let segment = |k: usize| (k * samples) as f64 / RATE_HZ..((k + 1) * samples) as f64 / RATE_HZ;
+        let ends = &moves[..moves.len() - 1];
+        let (low_m, high_m) =
+            ends.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (to, _)| (l.min(*to), h.max(*to)));
+        let times_s = (1..ends.len()).map(segment).collect();
+        Self { reference_m, times_s, range_m: high_m - low_m, moves, length_s }
+    }
+
+    /// These with shorter moves in the segments in which `is_limited` holds for a sample; none where there is no such segment.
+    pub fn shortened(&self, is_limited: impl Fn(usize) -> bool) -> Option<Self> {
+        let samples = self.reference_m.len() / self.moves.len();
+        let mut moves = self.moves.clone();
+        for k in 1..moves.len() - 1 {
+            if (k * samples..(k + 1) * samples).any(&is_limited) {
+                let from_m = self.moves[k - 1].0;
+                moves[k].0 = from_m + SHORTENED * (moves[k].0 - from_m);
+            }
+        }
+        (moves != self.moves).then(|| Self::along(moves, self.length_s))
     }
 
     /// The value at `time_s`, m.
@@ -60,7 +88,7 @@ impl Segments {
         self.reference_m.len() as f64 / RATE_HZ
     }
 
-    /// RMS error of each segment, % of the range, of `rows` that began at 0 s, without the sensor's `noise_m`.
+    /// RMS error of each segment, % of the range, of `rows` that began at 0 s, without the sensor's `noise_m`, but not below [`HIDDEN`] of it.
     pub fn errors_pct(&self, rows: &[Row], noise_m: f64) -> Vec<f64> {
         let Some(first) = rows.first() else { return Vec::new() };
         let error = |row: &Row| row.displacement_m - self.at(row.time_s - first.time_s);
@@ -68,10 +96,13 @@ impl Segments {
             let within: Vec<f64> =
                 rows.iter().filter(|row| times.contains(&(row.time_s - first.time_s))).map(error).collect();
             let square = within.iter().map(|e| e * e).sum::<f64>() / within.len() as f64;
-            100.0 * (square - noise_m * noise_m).max(0.0).sqrt() / self.range_m
+            // A segment without rows, or without a reading in one of them, has no error that could be small.
+            if square.is_nan() {
+                return f64::INFINITY;
+            }
+            100.0 * (square - noise_m * noise_m).max((HIDDEN * noise_m).powi(2)).sqrt() / self.range_m
         };
-        // A segment without rows has no error that could be small.
-        self.times_s.iter().map(of).map(|pct| if pct.is_nan() { f64::INFINITY } else { pct }).collect()
+        self.times_s.iter().map(of).collect()
     }
 }
 

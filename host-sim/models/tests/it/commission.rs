@@ -3,13 +3,14 @@
 //! The films are integrated by equations of their own, or step with full memory, around the driver's own controller. `cargo xtask campaign
 //! commission` runs all cases, and prints each.
 
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use host_io::choice::Choice;
 use host_io::files::parameters::{Board, Parameters};
 use host_models::commission::ramp::{Limits, Ramp};
 use host_models::commission::simulated::{Fault, FaultKind, SimulatedBench};
-use host_models::commission::verification::Quality;
+use host_models::commission::verification::{Quality, Segments};
 use host_models::commission::{self, Cause, Plan, Report, Row, Step};
 use host_models::fit::FitOptions;
 use host_models::fit::options::Branches;
@@ -79,10 +80,13 @@ impl Case {
 
     /// The report on a bench with `faults`.
     fn run(&self, faults: Vec<Fault>) -> Report {
-        let folder = tempfile::tempdir().expect("a folder");
+        self.run_in(tempfile::tempdir().expect("a folder").path(), faults)
+    }
+
+    fn run_in(&self, folder: &Path, faults: Vec<Fault>) -> Report {
         let mut bench = self.bench(faults);
         let never = AtomicBool::new(false);
-        let report = commission::commission(&mut bench, &self.plan, folder.path(), &never, &|_| ());
+        let report = commission::commission(&mut bench, &self.plan, folder, &never, &|_| ());
         let report = report.unwrap_or_else(|error| panic!("{}: {error}", self.seed));
         let (furthest_m, _) = bench.film();
         let largest_m = f64::from(self.plan.board.limits.max_displacement_m);
@@ -91,12 +95,10 @@ impl Case {
     }
 }
 
-/// Share of every second segment that is within the bound of the others: later ones have larger errors than the first.
-fn within(quality: Option<&Quality>) -> Option<f64> {
-    let errors = &quality?.errors_pct;
-    let bound = errors.iter().step_by(2).copied().fold(0.0, f64::max);
-    let others: Vec<f64> = errors.iter().skip(1).step_by(2).copied().collect();
-    (errors.len() >= 120).then(|| others.iter().filter(|error| **error <= bound).count() as f64 / others.len() as f64)
+/// Share of the segments `again` that are within the bound that was `stated`.
+fn within(stated: Option<&Quality>, again: Option<&Quality>) -> Option<f64> {
+    let (bound, errors) = (stated?.largest_pct, &again?.errors_pct);
+    Some(errors.iter().filter(|error| **error <= bound).count() as f64 / errors.len() as f64)
 }
 
 fn printed(report: &Report) -> String {
@@ -117,17 +119,20 @@ fn sound_films_pass_and_their_bounds_hold() {
     let (mut passed, mut held) = (0, Vec::new());
     for &seed in &seeds {
         let mut case = Case::random(seed);
-        // Those that the record would have, and as many that no record has seen.
-        case.plan.segments = 120;
-        let report = case.run(Vec::new());
+        let folder = tempfile::tempdir().expect("a folder");
+        let report = case.run_in(folder.path(), Vec::new());
+        // References that no record has seen, on the film at rest.
+        case.plan = Plan { steps: [Step::Upload, Step::Verify], seed: seed + 1_000_017, ..case.plan };
+        let again = report.feedforward.as_ref().map(|_| case.run_in(folder.path(), Vec::new()));
         let film = case.preset.map_or("film", |(name, _)| name);
-        let others = [&report.feedforward, &report.tracking].map(|quality| within(quality.as_ref()));
+        let qualities = |report: &Report| [report.feedforward.clone(), report.tracking.clone()];
+        let [stated, again] = [Some(&report), again.as_ref()].map(|report| report.map(qualities).unwrap_or_default());
+        let others = [0, 1].map(|k| within(stated[k].as_ref(), again[k].as_ref()));
         println!("{seed} {film} {} {others:?}: {}", report.verdict.passed, printed(&report));
         passed += usize::from(report.verdict.passed);
         held.extend(others.into_iter().flatten());
-        // At most 20 minutes without the others, and each step of the ramp as predicted.
-        let more_s = (case.plan.segments - 60) as f64 * 8.0;
-        assert!(report.film_s - more_s < 1200.0, "{} s", report.film_s);
+        // At most 20 minutes, and each step of the ramp as predicted.
+        assert!(report.film_s < 1200.0, "{} s", report.film_s);
         for step in report.ramp.iter().flat_map(|ramp| &ramp.steps) {
             let off_m = step.predicted_m.map_or(0.0, |predicted_m| (predicted_m - step.measured_m).abs());
             assert!(off_m < 0.05 * step.measured_m + 20e-6, "{seed}: {step:?}");
@@ -229,23 +234,25 @@ fn a_ramp_shows_friction() {
     }
 }
 
-/// A sensor that ends within the range of a film that stiffens or softens ends the ramp within four steps; a sensor that does not, never.
+/// A sensor that ends within the range of a film that stiffens or softens ends the ramp within two steps, before the film is beyond its stroke; a sensor
+/// that does not, never.
 #[test]
 fn a_ramp_ends_where_the_sensor_does() {
     let mut random = Pcg64::seed_from_u64(9);
     let limits = Limits::new(&Actuator::KARNER_2022, &Board::bench(&Actuator::KARNER_2022));
     let mut named = 0;
-    for case in 0..200 {
-        let (stroke_m, creep) = (limits.stroke_m * random.random_range(0.3..1.0), random.random_range(0.0..0.15));
+    for case in 0..400 {
+        let (stroke_m, creep) = (limits.stroke_m * random.random_range(0.3..2.0), random.random_range(0.0..0.15));
         let bend = random.random_range(-0.4..0.4);
-        // Reached at 60 % of the largest force or before.
-        let reached_m = 0.6 * stroke_m * (1.0 + 0.6 * bend);
-        let end_m = if case % 2 == 0 { f64::INFINITY } else { reached_m * random.random_range(0.3..0.9) };
-        let (mut crept, mut seen_v) = (0.0, f64::INFINITY);
+        // Reached at 60 % of the largest force, or of the stroke, or before.
+        let reached_m = (0.6 * stroke_m * (1.0 + 0.6 * bend)).min(0.85 * limits.stroke_m);
+        let end_m = if case % 2 == 0 { f64::INFINITY } else { reached_m * random.random_range(0.3..1.0) };
+        let (mut crept, mut seen_v, mut furthest_m) = (0.0, f64::INFINITY, 0.0_f64);
         let report = ramped(limits, &mut |_, volts| {
             let share = (volts / limits.voltage_v).powi(2);
             crept += (share - crept) * 1e-3;
             let film_m = stroke_m * (share * (1.0 + bend * share) + creep * crept);
+            furthest_m = furthest_m.max(film_m);
             seen_v = if film_m < end_m { seen_v } else { seen_v.min(volts) };
             film_m.min(end_m) + 2e-6 * random.random_range(-1.0..1.0)
         });
@@ -253,10 +260,49 @@ fn a_ramp_ends_where_the_sensor_does() {
         assert!(!is_flat || end_m.is_finite(), "{case}: {}", report.ended_by);
         named += usize::from(is_flat);
         let over = report.steps.iter().filter(|step| step.voltage_v > seen_v).count();
-        assert!(over <= 4, "{case}: {over} steps beyond {seen_v} V, {}", report.ended_by);
+        assert!(over <= 2, "{case}: {over} steps beyond {seen_v} V, {}", report.ended_by);
+        assert!(furthest_m < limits.stroke_m, "{case}: {furthest_m} m, {}", report.ended_by);
     }
     // Others look like a pull-in.
-    assert!(named >= 80, "{named} of 100");
+    assert!(named >= 160, "{named} of 200");
+}
+
+/// Errors of segments: an offset under noise is found, noise alone is not taken for none, and a segment that was not measured has no bound. Moves that a
+/// plan cannot follow become shorter, others stay.
+#[test]
+fn segments_show_errors_and_become_shorter() {
+    let (segments, mut random) = (Segments::random(1e-3, 3e-3, 0.2, 60, 7), Pcg64::seed_from_u64(7));
+    let (noise_m, off_m) = (1e-5, 4e-5);
+    let mut rows = |off_m: f64| -> Vec<Row> {
+        let row = |k: u32| {
+            let time_s = 0.01 * f64::from(k);
+            // Of this RMS.
+            let displacement_m = segments.at(time_s) + off_m + noise_m * random.random_range(-1.732..1.732);
+            Row { time_s, host_s: time_s, command_v: 0.0, monitor_v: 0.0, displacement_m, reference_m: 0.0 }
+        };
+        (0..(100.0 * segments.duration_s()) as u32).map(row).collect()
+    };
+    let expected_pct = 100.0 * off_m / segments.range_m;
+    let mut off = rows(off_m);
+    assert!(segments.errors_pct(&off, noise_m).iter().all(|pct| (pct / expected_pct - 1.0).abs() < 0.1));
+    let hidden_pct = 100.0 * 0.25 * noise_m / segments.range_m;
+    assert!(segments.errors_pct(&rows(0.0), noise_m).iter().all(|pct| (hidden_pct..2.0 * hidden_pct).contains(pct)));
+    let at = |k: usize| (100.0 * segments.times_s[k].start) as usize + 50;
+    off[at(3)].displacement_m = f64::NAN;
+    off.truncate(at(58) - 60);
+    let infinite: Vec<bool> = segments.errors_pct(&off, noise_m).iter().map(|pct| pct.is_infinite()).collect();
+    assert_eq!(infinite, (0..60).map(|k| k == 3 || k > 57).collect::<Vec<_>>());
+
+    assert_eq!(segments.shortened(|_| false), None);
+    // The twentieth segment, at 1000 Hz.
+    let limited = 10 * at(19);
+    let shorter = segments.shortened(|k| k == limited).expect("shorter");
+    let end = |segments: &Segments, k: usize| segments.at(segments.times_s[k].end - 1e-3);
+    for k in 0..60 {
+        let (before, after) = (end(&segments, k), end(&shorter, k));
+        let wanted = if k == 19 { end(&segments, 18) + 0.7 * (before - end(&segments, 18)) } else { before };
+        assert!((after - wanted).abs() < 1e-6, "{k}: {before} {after} {wanted}");
+    }
 }
 
 /// The observer is as fast as stated on a film that allows it, slower near a resonance, and never slower than the band.
@@ -297,13 +343,17 @@ const FAULTS: &[(FaultKind, &[Cause], &[f64])] = &[
     (FaultKind::Leak, &[Cause::Leak], &[0.03, 0.1, 0.3]),
     (FaultKind::Arc, &[Cause::Arc], &[0.02, 0.2, 2.0]),
     (FaultKind::DropOuts, &[Cause::DropOuts], &[0.001, 0.01, 0.1]),
-    (FaultKind::Saturation, &[Cause::Saturation, Cause::Frozen], &[-0.3, -0.6, -0.9]),
+    (FaultKind::Saturation, &[Cause::Saturation, Cause::Frozen], &[-0.3, -0.6, -0.8, -0.9]),
     (FaultKind::AmplifierEnd, &[Cause::Saturation], &[-0.5, -0.8, -0.95]),
     (FaultKind::LittleStroke, &[Cause::LittleStroke], &[-8.0, -20.0]),
     (FaultKind::Clock, &[Cause::Clock], &[0.01, 0.03, 0.1]),
     // Not among those that issue a passing record at any strength, but as strong as here they must not.
     (FaultKind::Drift, &[Cause::Drift], &[1e-6, 5e-6]),
     (FaultKind::Friction, &[Cause::Friction], &[-0.03, -0.1]),
+    (FaultKind::Softening, &[Cause::Unexplained], &[0.3]),
+    (FaultKind::Hum, &[Cause::LittleStroke], &[-0.03, -0.1]),
+    (FaultKind::Shaking, &[Cause::Slip, Cause::SelfTest], &[-0.03, -0.1, -0.3]),
+    (FaultKind::Contact, &[Cause::Slip, Cause::Arc], &[0.03, 0.1, 1.0]),
 ];
 
 /// Faults that are weak, or look like another one: the amplifier's shows in an error of the voltages that were commanded in advance.
@@ -337,9 +387,15 @@ fn bad_benches_do_not_pass() {
         let ramp = sound.run(Vec::new()).ramp.expect("a ramp");
         let strength = match kind {
             _ if strength > 0.0 => strength,
-            FaultKind::Saturation | FaultKind::Friction => -strength * ramp.stroke_m,
+            FaultKind::Saturation | FaultKind::Friction | FaultKind::Hum | FaultKind::Shaking => {
+                -strength * ramp.stroke_m
+            }
             FaultKind::AmplifierEnd => -strength * ramp.peak_v,
-            _ => ramp.stroke_m / (-strength * ramp.noise_m),
+            // A film that moves less is driven up to the largest voltage.
+            _ => {
+                let load = (f64::from(case.plan.board.limits.max_voltage_v) / ramp.peak_v).powi(2);
+                load * ramp.stroke_m / (-strength * ramp.noise_m)
+            }
         };
         let report = case.run(vec![Fault { kind, strength }]);
         let line = format!("{k} {}={strength:.3e}: {}", kind.name(), printed(&report));
