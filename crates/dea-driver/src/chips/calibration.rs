@@ -160,6 +160,16 @@ impl Calibration {
         }
     }
 
+    /// This calibration with quantities that are smaller by `offset`.
+    pub(crate) fn less(&self, offset: f32) -> Self {
+        match self {
+            &Self::Parabola { offset: before, gain, quadratic } => {
+                Self::Parabola { offset: before - offset, gain, quadratic }
+            }
+            Self::Points(points) => Self::Points(points.iter().map(|&[u, y]| [u, y - offset]).collect()),
+        }
+    }
+
     /// The volts at which the quantity is `value`, for a calibration that passes its [`check`](Self::check). A parabola is solved
     /// in closed form, so that rounding alone separates it from `value`; points give 0 V below the first, and the last above it.
     #[must_use]

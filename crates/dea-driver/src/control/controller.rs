@@ -6,6 +6,7 @@ mod orders;
 
 use springpot::{AmplifierLag, Applied, Compressed, Follower, FollowerState, Law, LawState, Limited, Load, Tracking};
 
+use crate::chips::Calibration;
 use crate::control::film_sensor::FilmSensor;
 #[cfg(feature = "loop-test")]
 use crate::control::loop_test::{Followed, LoopTest, Step, Target};
@@ -103,6 +104,8 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     shares_per_m: f32,
     /// Displacement per slow change of the load where the film is softest, m/N.
     compliance_m_per_n: f32,
+    /// The displacement sensor, less what it reads of a film at rest.
+    sensor: Calibration,
     sampler: Sampler,
     motion: Motion,
     mode: Mode,
@@ -219,6 +222,7 @@ impl<M: ControllerMemory> Controller<M> {
             shares_per_n,
             shares_per_m,
             compliance_m_per_n,
+            sensor: parameters.sensor.less(parameters.sensor_offset_m),
             max_ageing: f32::INFINITY,
             sampler,
             mode: Mode::Voltage,
@@ -258,8 +262,7 @@ impl<M: ControllerMemory> Controller<M> {
     pub fn tick(&mut self, inputs: Inputs) -> Outputs {
         // Sample: volts at the converters become quantities. A converter that did not answer reads as NaN.
         let monitor_v = inputs.monitor_adc_v.map_or(f32::NAN, |volts| self.parameters.monitor.apply(volts));
-        let sensor_m = inputs.sensor_adc_v.map_or(f32::NAN, |volts| self.parameters.sensor.apply(volts));
-        let sensor_m = sensor_m - self.parameters.sensor_offset_m;
+        let sensor_m = inputs.sensor_adc_v.map_or(f32::NAN, |volts| self.sensor.apply(volts));
         let shown = self.film_sensor.sense(sensor_m, monitor_v, self.supervisor.falls());
         let displacement_m = shown.displacement_m;
 
@@ -281,7 +284,8 @@ impl<M: ControllerMemory> Controller<M> {
             predicted_m: observer.displacement(),
             open_loop_m: self.motion.furthest(model_m),
             is_frozen: self.motion.is_frozen(must_move),
-            disturbance_share: disturbance_share + self.course.added() * self.shares_per_m,
+            // Either may hide the other.
+            disturbance_share: disturbance_share.abs() + (self.course.added() * self.shares_per_m).abs(),
         });
 
         if let Some(cause) = shown.fault

@@ -61,8 +61,8 @@ pub enum Cause {
     Panic,
     /// By the model, the commanded voltage moves the film beyond its limit, whatever the sensor shows.
     ModelDisplacement,
-    /// While tracking, the model leaves more force unexplained than allowed, or more than a quarter of the stroke is learned of cycles: the
-    /// sensor drifts, has slipped or lost gain, or the film has changed.
+    /// While tracking, the model leaves more force unexplained than allowed, or more than a quarter of the stroke is learned of cycles, or as much of both
+    /// together: the sensor drifts, has slipped or lost gain, or the film has changed.
     Disturbance,
     /// The monitor shows voltage although the amplifier is disabled: do not touch the film. It replaces any other cause.
     LiveFilm,

@@ -26,7 +26,7 @@ pub struct Readings {
     pub open_loop_m: f32,
     /// Whether the model [moves](crate::Motion) and the displacement sensor does not.
     pub is_frozen: bool,
-    /// The force that the model leaves unexplained, with what is learned of cycles, as a share of the force at the largest voltage; 0
+    /// The force that the model leaves unexplained, with what is learned of cycles, as a share of the force at the largest voltage, of either sign; 0
     /// where no sensor acts on the voltage.
     pub disturbance_share: f32,
 }

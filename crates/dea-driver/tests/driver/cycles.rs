@@ -185,3 +185,39 @@ fn a_sensor_that_fails_does_not_lead_a_learned_feedforward_away() {
         );
     }
 }
+
+/// While tracking, what is learned does not hide unexplained force of the other sign: where both together are beyond what is allowed, the next tick
+/// trips. Cycles that feedforward has learned of a softer film are carried over to tracking, which needs none of them.
+#[test]
+fn what_is_learned_hides_no_unexplained_force() {
+    let mut opposed = 0;
+    for (force_scale, max_disturbance_share) in [(1.25, 0.1), (1.25, 0.2), (0.75, 0.1), (1.6, 0.2)] {
+        let mut parameters = parameters(6, 1.0);
+        parameters.limits = Limits { max_disturbance_share, max_displacement_m: 2e-3, ..parameters.limits };
+        let limits = parameters.limits.clone();
+        let largest_n = parameters.actuator.electrostatic_force(f64::from(limits.max_voltage_v));
+        let mut bench = Bench { force_scale, ..Bench::with(parameters) };
+        bench.start(Mode::Feedforward);
+        let reference = |k: u32| (0.6e-3 - 0.15e-3 * (TAU * f64::from(k) / 1000.0).cos()) as f32;
+        for k in 0..20_000 {
+            bench.set_reference(reference(k));
+            bench.tick(|_| ());
+        }
+        bench.ask(|controller| controller.order_learning(LearningOrder::CarryOver));
+        restart(&mut bench, Mode::Tracking);
+        for k in 0..20_000 {
+            bench.ask(|controller| controller.set_reference(reference(k))).expect("running");
+            let telemetry = bench.tick(|_| ()).telemetry;
+            let unexplained = f64::from(telemetry.disturbance_n) / largest_n / f64::from(max_disturbance_share);
+            let learned = f64::from(telemetry.learned_m) / (0.25 * f64::from(limits.max_displacement_m));
+            if unexplained.abs() + learned.abs() > 1.001 {
+                opposed += u32::from(unexplained * learned < 0.0 && (unexplained + learned).abs() < 0.999);
+                bench.tick(|_| ());
+                assert_eq!(bench.controller.supervisor().state(), DriverState::Tripped(Cause::Disturbance), "{k}");
+                println!("{force_scale}: unexplained {unexplained:.2}, learned {learned:.2} after {k} ticks");
+                break;
+            }
+        }
+    }
+    assert!(opposed > 0, "never opposed");
+}

@@ -52,7 +52,7 @@ impl<M: ControllerMemory> Controller<M> {
             }),
             _ => {
                 let scales = [self.thinning_per_m, self.shares_per_n, self.shares_per_m, self.compliance_m_per_n];
-                digest(&(self.supervisor.constants(), self.motion.constants(), scales, self.lags))
+                digest(&(self.supervisor.constants(), self.motion.constants(), scales, &self.sensor, self.lags))
             }
         }
     }
