@@ -415,7 +415,9 @@ impl Course<'_> {
         let [low, high] = expected.feedforward_error_pct;
         let noise_pct = 100.0 * ramp.noise_m / segments.range_m;
         self.report.feedforward = Some(quality(&feedforward, [low, high.hypot(verification::HIDDEN * noise_pct)]));
-        self.report.tracking = Some(quality(&tracking, [0.0, high.hypot(noise_pct)]));
+        // A run that was ended has no quality.
+        let has_ended = !self.report.findings.is_empty();
+        self.report.tracking = (!has_ended).then(|| quality(&tracking, [0.0, high.hypot(noise_pct)]));
         if let (Some(first), [begin, .., end]) = (tracking.first(), segments.times_s.as_slice()) {
             let row = |row: &Row| {
                 let t = row.time_s - first.time_s;
