@@ -157,33 +157,32 @@ impl Mode {
 /// Modes that are merged into one.
 #[derive(Clone, Copy)]
 struct Group {
-    /// Sums of weight, and of weight times ln rate, its square, and rate to the −1/2.
+    /// Sums of weight, and of weight times rate, and its powers −1 and −1/2.
     weight: f64,
-    log: f64,
-    square: f64,
+    rate: f64,
+    inverse: f64,
     root: f64,
 }
 
 impl Group {
     fn new(mode: Mode) -> Self {
         let Mode { loss, weight } = mode;
-        let log = libm::log(loss);
-        Self { weight, log: weight * log, square: weight * log * log, root: weight / libm::sqrt(loss) }
+        Self { weight, rate: weight * loss, inverse: weight / loss, root: weight / libm::sqrt(loss) }
     }
 
     fn with(self, other: Self) -> Self {
         Self {
             weight: self.weight + other.weight,
-            log: self.log + other.log,
-            square: self.square + other.square,
+            rate: self.rate + other.rate,
+            inverse: self.inverse + other.inverse,
             root: self.root + other.root,
         }
     }
 
-    /// The variance of ln rate in the group, in weights, over the modulus on that time scale, where `slower` (N/m) has not relaxed yet. Infinite
-    /// where one is a spring, which never relaxes.
+    /// The spread of the rates, in weights, over the modulus on that time scale, where `slower` (N/m) has not relaxed yet: the product of the means of rate
+    /// and inverse, less 1, is the variance of ln rate where they differ little. Infinite where one is a spring, which never relaxes.
     fn cost(self, slower: f64) -> f64 {
-        let cost = (self.square - self.log * self.log / self.weight) / (slower + self.weight);
+        let cost = (self.rate * self.inverse / self.weight - self.weight) / (slower + self.weight);
         if cost.is_nan() { f64::INFINITY } else { cost }
     }
 
