@@ -194,7 +194,7 @@ fn what_is_learned_hides_no_unexplained_force() {
     for (force_scale, max_disturbance_share) in [(1.25, 0.1), (1.25, 0.2), (0.75, 0.1), (1.6, 0.2)] {
         let mut parameters = parameters(6, 1.0);
         parameters.limits = Limits { max_disturbance_share, max_displacement_m: 2e-3, ..parameters.limits };
-        let limits = parameters.limits.clone();
+        let limits = parameters.limits;
         let largest_n = parameters.actuator.electrostatic_force(f64::from(limits.max_voltage_v));
         let mut bench = Bench { force_scale, ..Bench::with(parameters) };
         bench.start(Mode::Feedforward);
