@@ -6,6 +6,7 @@ mod at_hand;
 mod bad_recordings;
 mod changed_films;
 mod commission;
+mod commission_ramp;
 mod copies;
 mod curves;
 #[path = "../../../../crates/springpot/tests/it/support/defining_sum.rs"]
