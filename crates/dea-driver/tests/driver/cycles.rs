@@ -187,7 +187,7 @@ fn a_sensor_that_fails_does_not_lead_a_learned_feedforward_away() {
 }
 
 /// While tracking, what is learned does not hide unexplained force of the other sign: where both together are beyond what is allowed, the next tick
-/// trips. Cycles that feedforward has learned of a softer film are carried over to tracking, which needs none of them.
+/// trips. Cycles that feedforward has learned of another film than its model are carried over to tracking, which needs none of them.
 #[test]
 fn what_is_learned_hides_no_unexplained_force() {
     let mut opposed = 0;

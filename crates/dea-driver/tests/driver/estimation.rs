@@ -1,18 +1,22 @@
 //! The controller's estimate of its film: from the sensor, and from the model that is corrected by it.
 
+use dea_driver::chips::Calibration;
 use dea_driver::{Controller, Mode};
 
 use crate::bench::board_parameters;
 use crate::film_bench::FilmBench;
 
-/// A sensor that reads 0.1 mm at rest: the displacement is what is above that.
+/// A sensor that reads 0.1 mm at rest: the displacement is what is above that, of a straight line and of measured points alike.
 #[test]
 fn the_sensor_s_offset_is_taken_off() {
-    let mut parameters = board_parameters();
-    parameters.sensor_offset_m = 0.1e-3;
-    let mut bench = FilmBench::with(parameters);
-    let telemetry = bench.tick(|inputs| inputs.sensor_adc_v = Some(1.5)).telemetry;
-    assert!((telemetry.displacement_m - 0.4e-3).abs() < 1e-9, "{} m", telemetry.displacement_m);
+    let points = Calibration::points(&[[0.0, -1e-3], [1.0, 0.0], [10.24, 9.24e-3]]).expect("valid");
+    for sensor in [board_parameters().sensor, points] {
+        let mut parameters = board_parameters();
+        (parameters.sensor, parameters.sensor_offset_m) = (sensor, 0.1e-3);
+        let mut bench = FilmBench::with(parameters);
+        let telemetry = bench.tick(|inputs| inputs.sensor_adc_v = Some(1.5)).telemetry;
+        assert!((telemetry.displacement_m - 0.4e-3).abs() < 1e-9, "{} m", telemetry.displacement_m);
+    }
 }
 
 /// The model is corrected as often as the sensor has samples: here every tenth tick.
