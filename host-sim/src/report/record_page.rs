@@ -99,7 +99,7 @@ fn figures(numbers: &Numbers<'_>) -> Markup {
     };
     html! {
         (table(
-            "RMS error along random segments that the fit has not seen, % of their range, without the sensor's noise",
+            "RMS error along random segments that the fit has not seen, % of their range, without the sensor's noise; none below a quarter of it",
             &["", "worst segment", "all", "predicted, all", "segments"],
             &[row("with the sensor", "/tracking"), row("without the sensor", "/feedforward")],
         ))

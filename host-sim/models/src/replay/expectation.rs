@@ -199,7 +199,9 @@ impl Recorded {
         // Slow memory that the recordings do not show moves the film the further the longer it was loaded before.
         let before_s = grid.step_s() * (voltage_v.len() - reference.len()) as f64;
         let all_s = grid.step_s() * (voltage_v.len() - 1) as f64;
-        growth += before_s.min(all_s - self.time_s).max(0.0) / self.time_s;
+        if before_s > 0.0 {
+            growth += before_s.min(all_s - self.time_s).max(0.0) / self.time_s;
+        }
         let from = rise(grid, reference.len());
         let squares = reference.windows(2).skip(from.saturating_sub(1)).map(|pair| (pair[1] - pair[0]).powi(2));
         let speed_m_per_s = (squares.sum::<f64>() / (reference.len() - from) as f64).sqrt() * grid.rate_hz;
