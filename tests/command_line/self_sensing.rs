@@ -21,6 +21,11 @@ fn a_recording_becomes_a_sensor() {
     assert!(report["senses"] == true && number(&report["noise_pct"]) < 0.2, "{report}");
     assert!((number(&report["tone_v"]) - 50.0).abs() < 0.1, "{report}");
     names(&bench.prints("self-sensing tone.csv"), &["a tone of 50.0 V", "pF at rest", "yes: 0."]);
+    // A check states the same.
+    let output = bench.run("check tone.csv");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    names(&text, &["one frequency", "the film as its own sensor: tone.csv: a tone of 50.0 V", "yes: 0."]);
+    assert!(bench.says_no("check tone.csv")["self_sensing"][0]["senses"] == true);
     names(&bench.read("c.toml"), &["[relation]", "rest_f = ", "creep = ", "[options]", "cable_f = 0.0000000001"]);
 
     bench.json("reduce --params preset:table3-n2 --tolerance 1e-9 --out film.toml");
@@ -47,6 +52,14 @@ fn benches_that_cannot_say_why() {
     let output = coarse.run("self-sensing tone.csv --out c.toml");
     assert!(output.status.code() == Some(1) && !coarse.path("c.toml").exists(), "no sensor is written");
     names(&String::from_utf8_lossy(&output.stdout), &["no: ", "use converters with more bits"]);
+
+    // A tone that is not in the rows.
+    let read = coarse.read("tone.csv");
+    let every_tenth: Vec<&str> = read.lines().take(1).chain(read.lines().skip(1).step_by(10)).collect();
+    coarse.write("slow.csv", every_tenth.join("\n"));
+    let report = coarse.says_no("check slow.csv");
+    assert!(report["self_sensing"][0]["senses"].is_null(), "{report}");
+    names(report["self_sensing"][0]["text"].as_str().expect("a reason"), &["slow.csv", "record every tick"]);
 
     let good = bench(16);
     good.json("reduce --params preset:table3-n2 --tolerance 1e-9 --out film.toml");

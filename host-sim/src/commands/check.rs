@@ -4,9 +4,10 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
+use serde::Serialize;
 
 use super::recordings::{self, RawOptions};
-use super::{Verdict, with_flags};
+use super::{Verdict, self_sensing, with_flags};
 use crate::error::Result;
 use crate::excitation::check::{self, Facts, Report, Severity};
 use crate::files::recording::Recording;
@@ -21,6 +22,15 @@ pub(super) struct Arguments {
     recordings: Vec<PathBuf>,
 }
 
+#[derive(Serialize)]
+struct Checked {
+    #[serde(flatten)]
+    report: Report,
+    /// The film as its own sensor, by each recording with a current.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    self_sensing: Vec<self_sensing::Checked>,
+}
+
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     let hints = arguments.reading.hints()?;
     let read = |path: &PathBuf| Recording::read_with(path, &hints);
@@ -31,11 +41,13 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
         finding.finding = with_flags(&finding.finding);
         finding.advice = with_flags(&finding.advice);
     }
-    terminal::report(json, &report, || text(&report))?;
-    Ok(if report.identifies { Verdict::Yes } else { Verdict::No })
+    let self_sensing = arguments.recordings.iter().filter_map(|path| self_sensing::check(path)).collect();
+    let checked = Checked { report, self_sensing };
+    terminal::report(json, &checked, || text(&checked))?;
+    Ok(if checked.report.identifies { Verdict::Yes } else { Verdict::No })
 }
 
-fn text(report: &Report) -> String {
+fn text(Checked { report, self_sensing }: &Checked) -> String {
     let mut text: String = report.recordings.iter().map(line).collect();
     for finding in &report.findings {
         let kind = match finding.severity {
@@ -56,6 +68,9 @@ fn text(report: &Report) -> String {
         (true, false) => "these recordings identify a film, with the reservations above",
         (false, _) => "these recordings do not identify a film",
     });
+    for checked in self_sensing {
+        let _ = write!(text, "\nthe film as its own sensor: {}", checked.text);
+    }
     text
 }
 

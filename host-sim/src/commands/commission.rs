@@ -370,6 +370,9 @@ fn text(report: &Report, record: &Path) -> String {
     for (_, finding) in report.findings.iter().enumerate().skip(1).filter(is_new) {
         let _ = write!(text, "\nalso {}: {}; {}", finding.cause.name(), finding.measured, finding.advice);
     }
+    if let Some(prospect) = report.self_sensing.as_ref().filter(|_| report.verdict.passed) {
+        let _ = write!(text, "\nthe film as its own sensor: {}", prospect.sentence());
+    }
     let passed = if report.verdict.passed { "passes" } else { "does not pass" };
     let _ = write!(text, "\n{}: the record {passed}; {PAGE} is its page", shown(record));
     text

@@ -1,7 +1,7 @@
 //! `self-sensing`: the relation of capacitance and displacement from a recording with a tone, and whether the monitors suffice.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
@@ -66,6 +66,34 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     let printed = Printed { recording: shown(path), report, refusals, out: out.map(shown) };
     terminal::report(json, &printed, || text(&printed))?;
     Ok(if report.senses { Verdict::Yes } else { Verdict::No })
+}
+
+/// What a recording with a current says of the film as its own sensor.
+#[derive(Serialize)]
+pub(super) struct Checked {
+    recording: String,
+    #[serde(flatten)]
+    report: Option<Report>,
+    /// In words.
+    pub(super) text: String,
+}
+
+/// Checks the recording at `path`; none if it has no current.
+pub(super) fn check(path: &Path) -> Option<Checked> {
+    if !ToneRecording::has_current(path) {
+        return None;
+    }
+    let identified = ToneRecording::read(path)
+        .and_then(|recording| capacitance::identify(&recording, 0.0).map_err(|error| Error::file(path, error)));
+    let recording = shown(path);
+    let (report, text) = match identified {
+        Ok((_, report)) => {
+            let printed = Printed { recording: recording.clone(), report, refusals: Vec::new(), out: None };
+            (Some(report), text(&printed))
+        }
+        Err(error) => (None, error.to_string()),
+    };
+    Some(Checked { recording, report, text })
 }
 
 fn text(Printed { recording, report, refusals, out }: &Printed) -> String {

@@ -32,6 +32,10 @@ pub fn html(report: &Report, entries: &BTreeMap<&str, &str>, made: &Origin, docu
     if let Some(fit) = report.fit.as_ref().filter(|fit| !fit.warnings.is_empty()) {
         sections.push(Section::new("warnings", "Warnings of the fit", warnings::list(&fit.warnings, true)));
     }
+    if let Some(prospect) = &report.self_sensing {
+        let sentence = html! { p { "Of use where there is no displacement sensor: " (prospect.sentence()) "." } };
+        sections.push(Section::new("self-sensing", "The film as its own sensor", sentence));
+    }
     if report.ramp.is_some() {
         sections.push(Section::new("ramp", "Ramp", ramp(&numbers)));
     }

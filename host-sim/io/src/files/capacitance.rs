@@ -1,6 +1,7 @@
 //! Recordings with a tone and the current that it causes, and the files of what was found in them.
 
 use std::fs;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -24,10 +25,22 @@ pub struct ToneRecording {
 
 /// Columns of such a recording.
 const COLUMNS: [&str; 4] = ["time_s", "voltage_v", "current_a", "displacement_m"];
+/// Bytes in which the names of the columns are.
+const MAX_HEADER: u64 = 1 << 16;
 /// Largest deviation of a time from its tick, in ticks.
 const UNEVEN: f64 = 0.05;
 
 impl ToneRecording {
+    /// Whether the file at `path` has a column `current_a`.
+    #[must_use]
+    pub fn has_current(path: &Path) -> bool {
+        let Ok(file) = fs::File::open(path) else { return false };
+        let mut lines = BufReader::new(file.take(MAX_HEADER)).lines().map_while(std::result::Result::ok);
+        lines
+            .find(|line| !line.starts_with('#'))
+            .is_some_and(|line| line.split(',').any(|name| name.trim() == COLUMNS[2]))
+    }
+
     /// Reads the recording at `path`: CSV with the columns `time_s`, `voltage_v`, `current_a` and `displacement_m`, in any order and among others;
     /// cells of the displacement may be empty, and lines that begin with `#` are comments.
     ///

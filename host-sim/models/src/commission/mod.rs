@@ -22,8 +22,9 @@ use crate::excitation::profile::PartShape;
 use crate::files::journal::Journal;
 use crate::files::output;
 use crate::files::parameters::Parameters;
-use crate::files::recording::{Direction, Recording};
+use crate::files::recording::{Direction, Input, Recording};
 use crate::fit;
+use crate::fit::capacitance::Prospect;
 use crate::grid::{Grid, Samples};
 use crate::progress::Stage;
 use crate::replay::expectation::Recorded;
@@ -73,6 +74,7 @@ pub fn commission(
         gauge_m: None,
         ramp: None,
         fit: None,
+        self_sensing: None,
         checksum: None,
         feedforward: None,
         tracking: None,
@@ -315,6 +317,10 @@ impl Course<'_> {
         let recorded = Recorded::from_parameters(&parameters);
         let stroke_m = recorded.as_ref().map_or(f64::NAN, |recorded| recorded.stroke_m[1] - recorded.stroke_m[0]);
         let board = &self.plan.board;
+        if let Ok(Input::Voltage(monitor)) = recording.drive() {
+            let (step_s, monitor_v) = (1.0 / verification::RATE_HZ, &monitor.value);
+            self.report.self_sensing = Prospect::new(&self.plan.actuator, board, stroke_m, step_s, monitor_v);
+        }
         self.report.fit = Some(FitRow {
             branches: fit.candidate.branches(),
             r2: fit.r2_mean,

@@ -11,6 +11,7 @@ use super::plan::{Plan, Step};
 use super::ramp::{self, Limits};
 use super::verification::{MIN_SEGMENTS, Quality};
 use crate::fit::Warning;
+use crate::fit::capacitance::Prospect;
 
 /// Share by which monitor and command may differ where voltages that are commanded in advance miss.
 const MONITOR_ERROR: f64 = 0.005;
@@ -58,6 +59,8 @@ pub struct Report {
     pub ramp: Option<ramp::Report>,
     /// Largest error of feedforward along the excitation and R², by the fit.
     pub fit: Option<FitRow>,
+    /// Whether amplifier and monitor suffice for the film as its own sensor.
+    pub self_sensing: Option<Prospect>,
     /// Checksum of the parameters that were read back.
     pub checksum: Option<u32>,
     /// The film without the sensor.

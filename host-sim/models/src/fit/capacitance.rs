@@ -3,12 +3,14 @@
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use springpot::{
-    CapacitanceRelation, FilmReading, Law, LawOptions, Maxwell, SelfSensing, SelfSensingOptions, Springpot, Topology,
+    Actuator, CapacitanceRelation, EPSILON_0, FilmReading, Law, LawOptions, Maxwell, SelfSensing, SelfSensingOptions,
+    Springpot, Topology,
 };
 
 use crate::error::{Error, Result};
 use crate::files::capacitance::{CapacitanceFile, ToneRecording};
 use crate::files::parameters::Board;
+use crate::fit::statistics;
 
 /// Capacitance and displacement of the same block.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -222,6 +224,64 @@ pub fn refusals(board: &Board, tone_v: f64, step_s: f64) -> Vec<String> {
         ));
     }
     refusals
+}
+
+/// What a bench without a recording of a tone shows: whether its amplifier and its voltage monitor suffice.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Prospect {
+    /// Amplitude of the tone, V.
+    pub tone_v: f64,
+    /// Standard deviation of a reading of the voltage monitor, resolution included, V.
+    pub voltage_noise_v: f64,
+    /// Noise of the displacement over 50 ms by that alone, in % of the stroke.
+    pub noise_pct: f64,
+    /// Reasons for which they do not.
+    pub refusals: Vec<String>,
+}
+
+impl Prospect {
+    /// That of `board` with ticks of `step_s` (s) around a film of `actuator`'s sizes that moves by `stroke_m` (m); `monitor_v` are readings of its monitor (V)
+    /// while the voltage changes slowly. None for a film that does not move.
+    #[must_use]
+    pub fn new(actuator: &Actuator, board: &Board, stroke_m: f64, step_s: f64, monitor_v: &[f64]) -> Option<Self> {
+        let voltage_noise_v = statistics::noise(monitor_v).max(smallest_step(monitor_v) / 12f64.sqrt());
+        // The current monitor is not known: as if it had no noise.
+        let options = SelfSensingOptions {
+            step_s,
+            voltage_noise_v: voltage_noise_v.max(1e-9),
+            current_noise_a: 1e-15,
+            cable_f: 0.0,
+            ..SelfSensingOptions::BENCH
+        };
+        let Actuator { relative_permittivity, length_m, width_m, thickness_m, .. } = *actuator;
+        let rest_f = EPSILON_0 * relative_permittivity * length_m * width_m / thickness_m;
+        let max_f = rest_f * (1.0 + stroke_m / length_m).powi(2);
+        let relation = CapacitanceRelation::of_geometry(rest_f, length_m, 2.0, max_f);
+        let sensing = SelfSensing::<f64>::new(&relation, options).ok()?;
+        let noise_m = sensing.noise_m(options.tone_v, WINDOW_S / options.sample_interval_s());
+        let noise_pct = 100.0 * noise_m / stroke_m;
+        let mut refusals = refusals(board, options.tone_v, step_s);
+        if noise_pct > MAX_PCT {
+            refusals.push(format!(
+                "the voltage monitor's noise of {voltage_noise_v:.2} V is {noise_pct:.1} % of the stroke over 50 ms, {MAX_PCT} % is the most: use \
+                 a converter with more bits, or a monitor with less noise"
+            ));
+        }
+        Some(Self { tone_v: options.tone_v, voltage_noise_v, noise_pct, refusals })
+    }
+
+    /// In a sentence.
+    #[must_use]
+    pub fn sentence(&self) -> String {
+        match self.refusals.as_slice() {
+            [] => format!(
+                "amplifier and voltage monitor pass a tone of {:.0} V; the monitor's noise is {:.2} % of the stroke over 50 ms. A monitor of the current is needed, \
+                 and a recording with the tone for springpot self-sensing",
+                self.tone_v, self.noise_pct
+            ),
+            refusals => format!("not on this bench: {}", refusals.join("; ")),
+        }
+    }
 }
 
 /// Identifies the relation of a film from `recording`; `cable_f` is the capacitance of the cable alone (F), 0 if it is not known.

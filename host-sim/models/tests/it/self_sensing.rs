@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use host_io::files::capacitance::ToneRecording;
 use host_io::grid::Grid;
-use host_models::fit::capacitance::{self, CapacitanceFit, CapacitanceSample};
+use host_models::fit::capacitance::{self, CapacitanceFit, CapacitanceSample, Prospect};
 use host_models::references::minimum_jerk;
 use host_models::replay::memory::Precision;
 use host_models::simulation::controllers::{self, ControllerKind, ControllerSettings};
@@ -338,4 +338,37 @@ fn boards_that_do_not_pass_the_tone_say_why() {
     board.amplifier_lag.rise_s = 0.1;
     let refusals = capacitance::refusals(&board, 50.0, 1e-3);
     assert!(matches!(refusals.as_slice(), [lag] if lag.contains("0.100 s and passes 1 %")), "{refusals:?}");
+}
+
+#[test]
+fn a_bench_without_a_tone_states_what_its_monitor_leaves() {
+    let parameters = Kind::Hossain.parameters();
+    let mut board = parameters.board_or_bench(1000.0);
+    board.limits.max_slew_v_per_s = 100e3;
+    let mut random = Pcg64::seed_from_u64(8);
+    // A slow cycle by a converter of 6 kV, with noise of half a step and more.
+    let mut prospect = |bits: i32, noise_v: f64| {
+        let step_v = 6000.0 / f64::from(1 << bits);
+        let mut reading = |k: i32| {
+            let noise_v = noise_v * (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>();
+            let voltage_v = 2500.0 * (1.0 - (TAU * 1e-3 * f64::from(k)).cos());
+            ((voltage_v + noise_v) / step_v).round() * step_v
+        };
+        let monitor_v: Vec<f64> = (0..5000).map(&mut reading).collect();
+        Prospect::new(&parameters.actuator, &board, 4e-3, 1e-3, &monitor_v).expect("a film that moves")
+    };
+    let fine = prospect(16, 0.17);
+    assert!((fine.voltage_noise_v / 0.17 - 1.0).abs() < 0.05 && fine.noise_pct < 0.1, "{fine:?}");
+    assert!(fine.refusals.is_empty() && fine.sentence().contains("pass a tone of 50 V"), "{fine:?}");
+    // Resolution alone is noise, too.
+    let coarse = prospect(8, 0.1);
+    assert!(coarse.voltage_noise_v > 0.9 * 6000.0 / 256.0 / 12f64.sqrt(), "{coarse:?}");
+    assert!(
+        matches!(coarse.refusals.as_slice(), [noise] if noise.contains("a converter with more bits")),
+        "{coarse:?}"
+    );
+    // In proportion to the noise.
+    let noisy = prospect(16, 1.7);
+    assert!((noisy.noise_pct / fine.noise_pct / 10.0 - 1.0).abs() < 0.1, "{noisy:?}, {fine:?}");
+    assert!(Prospect::new(&parameters.actuator, &board, 0.0, 1e-3, &[0.0; 9]).is_none(), "no stroke");
 }
