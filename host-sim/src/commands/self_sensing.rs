@@ -68,7 +68,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     Ok(if report.senses { Verdict::Yes } else { Verdict::No })
 }
 
-/// What a recording with a current says of the film as its own sensor.
+/// The film as its own sensor, by a recording with a current.
 #[derive(Serialize)]
 pub(super) struct Checked {
     recording: String,

@@ -10,6 +10,8 @@ const VOLTAGE_V: std::ops::RangeInclusive<f64> = 50.0..=50e3;
 const MAINS_V: [f64; 4] = [110.0, 120.0, 230.0, 400.0];
 /// Largest and smallest stroke of a film, m.
 const STROKE_M: std::ops::RangeInclusive<f64> = 3e-6..=0.03;
+/// Stroke below which values may be of a larger unit than that of their column, m.
+const FINE_STROKE_M: f64 = 20e-6;
 /// Largest displacement of any sensor, m.
 const REACH_M: f64 = 0.1;
 /// Largest force on a film, N.
@@ -18,6 +20,12 @@ const FORCE_N: f64 = 500.0;
 const INTERVAL_S: std::ops::RangeInclusive<f64> = 20e-6..=2.0;
 /// Mean time of a cycle from which whole and half seconds may be milliseconds, s.
 const SLOW_CYCLE_S: f64 = 900.0;
+/// Cycles a second from which times are doubted, and from which they are where the rows are at a round rate in another unit alone.
+const FAST_CYCLES_HZ: [f64; 2] = [100.0, 3.0];
+/// The same for rows that show no cycles, Hz.
+const DOUBTFUL_RATE_HZ: f64 = 250.0;
+/// Deviation of a round rate.
+const ROUND: f64 = 2e-3;
 /// Shortest recording in milliseconds, s.
 const MIN_DURATION_S: f64 = 0.1;
 /// Rows of the shortest recording that is judged so.
@@ -69,6 +77,11 @@ impl Recording {
             let most = at(0.9).zip(at(0.1)).map_or(stroke, |(high, low)| high - low);
             if most > *STROKE_M.end() && has_rows {
                 found.push(format!("the stroke is {} m{}", rounded(stroke), self.smaller(Quantity::Displacement)));
+            } else if let Some(coarser) =
+                self.coarser().filter(|_| (1e-12..FINE_STROKE_M).contains(&stroke) && has_rows)
+            {
+                let text = format!("the stroke is {} µm", rounded(1e6 * stroke));
+                found.push(format!("{text}{}", self.other(Quantity::Displacement, coarser)));
             } else if (stroke > 1e-9 || stroke > 0.5 * largest(&displacement).abs())
                 && stroke < *STROKE_M.start()
                 && has_rows
@@ -127,20 +140,27 @@ impl Recording {
             return None;
         }
         let text = format!("the rows are {} s apart, {} s in all", rounded(step), rounded(self.duration_s()));
+        let duration_s = self.duration_s();
+        let crossings = crossings(&drive.samples().value);
         // Cycles of a quarter of an hour and more, at whole seconds.
-        let is_slow = || {
-            let [low, high] =
-                drive.samples().value.iter().fold([f64::MAX, f64::MIN], |[l, h], v| [l.min(*v), h.max(*v)]);
-            let above: Vec<bool> = drive.samples().value.iter().map(|value| *value > 0.5 * (low + high)).collect();
-            let crossings = above.windows(2).filter(|pair| pair[0] != pair[1]).count();
-            crossings > 2 && 2.0 * self.duration_s() > SLOW_CYCLE_S * crossings as f64
-        };
+        let is_slow = || crossings > 2 && 2.0 * duration_s > SLOW_CYCLE_S * crossings as f64;
         let is_stated = self.origin(Quantity::Time).is_some_and(|column| column.by == By::Choice);
         let is_whole = !is_stated && step >= 0.5 && time_s.iter().all(|t| (2.0 * t).fract() == 0.0);
         if step > *INTERVAL_S.end() || is_whole && is_slow() {
             return Some(format!("{text}{}", self.smaller(Quantity::Time)));
         }
         let column = self.origin(Quantity::Time)?;
+        if column.unit == "s" && !is_stated {
+            let cycles_hz = crossings as f64 / (2.0 * duration_s);
+            let rate_hz = (time_s.len() - 1) as f64 / duration_s;
+            let [fast_hz, doubtful_hz] = FAST_CYCLES_HZ;
+            let is_doubtful = cycles_hz > doubtful_hz || crossings <= 2 && rate_hz > DOUBTFUL_RATE_HZ;
+            let units = [(60.0, "min"), (3600.0, "h")];
+            let mut rounder = units.iter().filter(|(unit_s, _)| is_round(rate_hz / unit_s) && !is_round(rate_hz));
+            let mut slower = units.iter().filter(|(unit_s, _)| cycles_hz / unit_s < doubtful_hz);
+            let larger = rounder.next().filter(|_| is_doubtful).or(slower.next().filter(|_| cycles_hz > fast_hz));
+            return larger.map(|(_, unit)| format!("{text}{}", self.other(Quantity::Time, unit)));
+        }
         if column.unit == "ms" && (step < *INTERVAL_S.start() || self.duration_s() < MIN_DURATION_S) {
             Some(format!("{text}: seconds in a column of ms? State the unit, as in `columns` time={}:s", column.column))
         } else {
@@ -163,9 +183,39 @@ impl Recording {
             "ms" => "µs",
             _ => return ": another unit?".into(),
         };
-        let (unit, number, name) = (&column.unit, column.column, quantity.name());
-        format!(": {smaller} in a column of {unit}? State the unit, as in `columns` {name}={number}:{smaller}")
+        self.other(quantity, smaller)
     }
+
+    /// Another `unit` of a column, as a question.
+    fn other(&self, quantity: Quantity, unit: &str) -> String {
+        let Some(column) = self.origin(quantity) else { return ": another unit?".into() };
+        let (stated, number, name) = (&column.unit, column.column, quantity.name());
+        format!(": {unit} in a column of {stated}? State the unit, as in `columns` {name}={number}:{unit}")
+    }
+
+    /// The next larger unit of the displacement, if its unit is by the name of its column, not by a person.
+    fn coarser(&self) -> Option<&'static str> {
+        let column = self.origin(Quantity::Displacement).filter(|column| column.by != By::Choice)?;
+        [("nm", "µm"), ("µm", "mm"), ("mm", "m")]
+            .into_iter()
+            .find(|(unit, _)| column.unit == *unit)
+            .map(|(_, coarser)| coarser)
+    }
+}
+
+/// How often `values` cross the middle of their range, by a quarter of it to either side.
+fn crossings(values: &[f64]) -> usize {
+    let [low, high] = values.iter().fold([f64::MAX, f64::MIN], |[low, high], v| [low.min(*v), high.max(*v)]);
+    let at = |share: f64| low + share * (high - low);
+    let sides = values.iter().filter(|value| **value > at(0.75) || **value < at(0.25)).map(|value| *value > at(0.5));
+    let sides: Vec<bool> = sides.collect();
+    sides.windows(2).filter(|pair| pair[0] != pair[1]).count()
+}
+
+/// Whether a rate in Hz is a usual one: 1, 1.25, 2, 2.5, 4, 5 or 8 times a power of ten.
+fn is_round(rate_hz: f64) -> bool {
+    let leading = rate_hz / 10f64.powf(rate_hz.log10().floor());
+    [1.0, 1.25, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0].iter().any(|usual| (leading / usual - 1.0).abs() < ROUND)
 }
 
 /// The RMS of `volts` if they are of the mains: one value that stays, or an alternating voltage.

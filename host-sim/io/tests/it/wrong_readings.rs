@@ -232,3 +232,70 @@ fn milliseconds_in_a_column_of_seconds_are_found() {
         assert_eq!(text.contains("ms in a column of s?"), found, "{step} {period}: {text}");
     }
 }
+
+/// Minutes and hours in a column of seconds, of random recordings; none in seconds is doubted.
+#[test]
+fn minutes_and_hours_in_a_column_of_seconds_are_found() {
+    let folder = Folder::new();
+    let mut noise = Noise(29);
+    let mut range = |low: f64, high: f64| low + 0.5 * (noise.next() + 1.0) * (high - low);
+    let mut read = 0;
+    for case in 0..60 {
+        let rate_hz = [10.0, 20.0, 50.0, 100.0, 200.0, 250.0, 500.0][range(0.0, 7.0) as usize];
+        let (unit_s, unit) = [(60.0, "min"), (3600.0, "h"), (1.0, "")][case % 3];
+        let period_s = range(2.0, 18.0);
+        let decimals = range(6.0, 12.0) as usize;
+        let noise_v = range(0.0, 5.0);
+        let mut text = String::from("time_s,voltage_v,displacement_m\n");
+        for t in (0..(40.0 * rate_hz) as u32).map(|k| f64::from(k) / rate_hz) {
+            let volts = 1500.0 * (1.0 - (TAU * t / period_s).cos()) + noise_v * range(-1.0, 1.0);
+            let decimals = if unit_s > 1.0 { decimals } else { 3 };
+            writeln!(text, "{:.decimals$},{volts:.1},{}", t / unit_s, 1e-10 * volts * volts).expect("written");
+        }
+        // Rows of one time, where the decimals are too few, are another question.
+        let Ok(recording) = folder.read(text, "") else { continue };
+        read += 1;
+        let text = recording.implausible().join("\n");
+        let wanted = format!("{unit} in a column of s? State the unit, as in `columns` time=1:{unit}");
+        assert!(
+            if unit.is_empty() { text.is_empty() } else { text.contains(&wanted) },
+            "{rate_hz} {period_s} {unit}: {text}"
+        );
+    }
+    assert!(read > 45, "{read}");
+    // A camera's rate is round in minutes as well; a step has no cycles.
+    for (rate_hz, hold, found) in
+        [(60.0, false, false), (120.0, false, false), (100.0, true, false), (6000.0, true, true)]
+    {
+        let mut text = String::from("time_s,voltage_v,displacement_m\n");
+        for t in (0..(1800.0_f64).min(20.0 * rate_hz) as u32).map(|k| f64::from(k) / rate_hz) {
+            let volts = if hold { 2000.0 * f64::from(u8::from(t > 0.12)) } else { 1500.0 * (1.0 - (TAU * t).cos()) };
+            writeln!(text, "{t:.9},{volts},{}", 1e-10 * volts * volts).expect("written");
+        }
+        let text = folder.read(text, "").expect("read").implausible().join("\n");
+        assert_eq!(text.contains("min in a column of s?"), found, "{rate_hz} {hold}: {text}");
+    }
+}
+
+/// Millimetres in a column of micrometres.
+#[test]
+fn millimetres_in_a_column_of_micrometres_are_found() {
+    let folder = Folder::new();
+    for (peak, found) in [(0.4, true), (2.6, true), (5.0, true), (45.0, false), (2600.0, false)] {
+        let table = |header: &str| {
+            let mut text = format!("{header}\n");
+            for t in (0..600).map(|k| 0.05 * f64::from(k)) {
+                let share = 0.5 * (1.0 - (TAU * t / 8.0).cos());
+                writeln!(text, "{t:.2},{:.1},{:.5}", 3000.0 * share.sqrt(), peak * share).expect("written");
+            }
+            text
+        };
+        for (header, hints) in [("time_s,voltage_v,displacement_um", ""), ("Time (s),HV (V),Laser (µm)", "")] {
+            let text = folder.read(table(header), hints).expect("read").implausible().join("\n");
+            assert_eq!(text.contains("mm in a column of µm? State the unit"), found, "{header} {peak}: {text}");
+        }
+        // A person's word.
+        let text = folder.read(table("Time (s),HV (V),Laser"), "displacement=3:um").expect("read").implausible();
+        assert!(peak < 3.0 || text.is_empty(), "{peak}: {text:?}");
+    }
+}

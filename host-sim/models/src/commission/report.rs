@@ -59,7 +59,7 @@ pub struct Report {
     pub ramp: Option<ramp::Report>,
     /// Largest error of feedforward along the excitation and R², by the fit.
     pub fit: Option<FitRow>,
-    /// Whether amplifier and monitor suffice for the film as its own sensor.
+    /// The film as its own sensor: how far amplifier and voltage monitor suffice.
     pub self_sensing: Option<Prospect>,
     /// Checksum of the parameters that were read back.
     pub checksum: Option<u32>,

@@ -226,7 +226,7 @@ pub fn refusals(board: &Board, tone_v: f64, step_s: f64) -> Vec<String> {
     refusals
 }
 
-/// What a bench without a recording of a tone shows: whether its amplifier and its voltage monitor suffice.
+/// The film as its own sensor before there is a recording with a tone: how far amplifier and voltage monitor suffice.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Prospect {
     /// Amplitude of the tone, V.
