@@ -1,7 +1,9 @@
 //! Rows without a column of times: their rate is what the preamble states beyond doubt, or a question.
 
+use host_io::files::import::Hints;
 use host_io::files::recording::Recording;
 
+use super::cut_files::Noise;
 use super::instruments::hints;
 use super::lab_files::{Folder, difference, has, rows};
 
@@ -151,4 +153,38 @@ fn a_rate_that_cannot_be_right_is_noted() {
     let sound = folder.read(timed(&format!("Sample rate: 8 Hz\n{names}"), &|t| t), "").expect("sound");
     assert_eq!(sound.understood().expect("a file").notes, Vec::<String>::new());
     has(&folder.refused(timed(names, &|t| 1.7e12 + 1e3 * t), ""), &["beyond the year 5000", "`columns`"]);
+}
+
+/// Rows of empty cells are no rows where each row has its time, and a question where it has not.
+#[test]
+fn rows_of_empty_cells_are_left_out_where_rows_have_times() {
+    let folder = Folder::new();
+    let mut noise = Noise(3);
+    for case in 0..60 {
+        let separator = [',', ';', '\t'][case % 3];
+        let line = |cells: [String; 3]| cells.join(&separator.to_string()) + "\n";
+        let every = 1 + (10.0 * (noise.next() + 1.0)) as usize;
+        let mut texts = ["", ""].map(|_| line(["Time (s)", "HV (V)", "Laser (mm)"].map(Into::into)));
+        let mut empty = 0;
+        for k in 0..60 {
+            let row = line([0.1 * k as f64, 50.0 * k as f64, 0.01 * k as f64].map(|value| format!("{value:.3}")));
+            texts.iter_mut().for_each(|text| *text += &row);
+            if k % every == every - 1 {
+                texts[1] += &line(["", " ", ""].map(Into::into));
+                empty += usize::from(k < 59);
+            }
+        }
+        let [whole, with_empty] = texts.map(|text| folder.read(text, "").expect("read"));
+        assert_eq!(whole.columns(), with_empty.columns(), "{separator:?} {every}");
+        let notes = with_empty.notes().join("; ");
+        assert_eq!(notes.contains(&format!("empty rows are left out: {empty},")), empty > 0, "{notes}");
+    }
+    // In tool's own names as well; a rate alone does not show what is missing.
+    let own = "time_s,voltage_v,displacement_m\n0,0,0\n,,\n0.1,100,1e-5\n0.2,200,2e-5\n";
+    assert_eq!(folder.read(own, "").expect("read").time_s(), [0.0, 0.1, 0.2]);
+    let path = folder.file("film.txt", "HV (V),Laser (mm)\n0,0\n100,0.01\n,\n200,0.02\n300,0.03\n,\n");
+    let hints = Hints { rate_hz: Some(10.0), ..Hints::default() };
+    let error = Recording::read_with(&path, &hints).expect_err("refused").to_string();
+    has(&error, &["film.txt:4", "an empty row", "was a reading missed"]);
+    has(&folder.refused(b"\xff\xfe\0\0t\0\0\0", ""), &["UTF-32 text; save it as UTF-8"]);
 }

@@ -243,7 +243,7 @@ pub fn of_whiteness(white: bool, misfit: Misfit, expected_pct: f64, drive: &Inpu
     };
     warnings.push(severity.warning(format!(
         "{size}: the model is off by {:.3} % of the {range} RMS, and about {:.3} % is not noise but what it does not follow: expect {follows} \
-         to be off by up to {expected_pct:.2} % RMS within the recorded strokes, speeds and times, and by more beyond them",
+         to be off by up to {expected_pct:.2} % RMS of the recorded {range} within the recorded strokes, speeds and times, and by more beyond them",
         misfit.rms_pct, misfit.systematic_pct
     )));
 }

@@ -75,7 +75,7 @@ impl FitPage<'_> {
             @if matches!(self.observations[0].input, Input::Voltage(_)) {
                 p.verdict {
                     "Expect feedforward to be off by up to " (numbers.number("/expected_pct", Form::Fixed(2)))
-                    " % RMS within the recorded strokes, speeds and times."
+                    " % RMS of the recorded stroke, within the recorded strokes, speeds and times."
                 }
             }
             p.verdict {

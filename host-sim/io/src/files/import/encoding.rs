@@ -17,6 +17,9 @@ pub struct Decoded {
 ///
 /// What the bytes are instead of text.
 pub fn readings(bytes: &[u8]) -> Result<Vec<Decoded>, String> {
+    if bytes.starts_with(b"\xff\xfe\0\0") || bytes.starts_with(b"\0\0\xfe\xff") {
+        return Err("is UTF-32 text; save it as UTF-8".into());
+    }
     if let Some((encoding, mark)) = Encoding::for_bom(bytes) {
         return Ok(vec![decoded(encoding, &bytes[mark..]).ok_or_else(|| {
             format!("begins as {} text and is not that throughout; save it as UTF-8", shown(encoding))

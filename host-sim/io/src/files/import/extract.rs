@@ -6,7 +6,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::chosen::{By, Chosen};
-use super::lines::{Line, comments_between};
+use super::lines::{Line, comments_between, empty_rows};
 use super::mapping;
 use super::numbers::{self, Cell, Decimal};
 use super::series::{Series, Understood, UnderstoodColumn};
@@ -345,6 +345,12 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
             Ok(())
         })
         .and_then(|()| doubt.map_or(Ok(()), Err));
+    if let (Source::Text(_, table), None) = (source, chosen.iter().find(|column| column.quantity == Quantity::Time))
+        && let Some((line, _)) = empty_rows(&table.segments)
+    {
+        let cause = "an empty row, where rows have no times: was a reading missed? Fill it, or remove it if not";
+        return Err(at(path, line, cause.into()));
+    }
     let until = read_rows.as_ref().err().map_or(u64::MAX, |(line, _)| *line);
     doubts::refuse_commas(source, &chosen, &titles, until).map_err(of_all)?;
     read_rows.map_err(|(line, cause)| at(path, line, cause))?;
@@ -427,6 +433,9 @@ fn remarks(source: &Source<'_>, names: &[String], out_of_range: &[usize]) -> Vec
         .map(|(name, count)| format!("{count} readings of {name:?} are out of range or blanked: they are missing"))
         .collect();
     if let Source::Text(_, table) = source {
+        if let Some((line, count)) = empty_rows(&table.segments) {
+            notes.push(format!("empty rows are left out: {count}, the first in line {line}"));
+        }
         let starts = source.starts();
         if starts.len() > 1 {
             notes.push(format!("{} runs of rows below repeated headers are joined", starts.len()));

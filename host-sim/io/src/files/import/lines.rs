@@ -18,6 +18,11 @@ pub struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
+    /// Whether it has nothing but separators.
+    fn is_empty(&self) -> bool {
+        self.text.trim_matches(|c: char| c.is_whitespace() || [',', ';', '|'].contains(&c)).is_empty()
+    }
+
     /// Its cells, between `separator`.
     ///
     /// # Errors
@@ -35,8 +40,12 @@ impl<'a> Line<'a> {
     }
 }
 
-/// The lines of `text` that are not blank; the first of all is number `number`. Line ends of all systems end them.
-pub fn lines(text: &str, mut number: u64) -> impl Iterator<Item = Line<'_>> + Clone {
+/// The lines of `text` that are not blank, and not rows of empty cells alone; the first of all is number `number`. Line ends of all systems end them.
+pub fn lines(text: &str, number: u64) -> impl Iterator<Item = Line<'_>> + Clone {
+    all_lines(text, number).filter(|line| !line.is_empty())
+}
+
+fn all_lines(text: &str, mut number: u64) -> impl Iterator<Item = Line<'_>> + Clone {
     let mut rest = text;
     let next = move || {
         if rest.is_empty() {
@@ -49,7 +58,23 @@ pub fn lines(text: &str, mut number: u64) -> impl Iterator<Item = Line<'_>> + Cl
         number += 1;
         Some(Line { number: number_here, text: line, rest: begin })
     };
-    std::iter::from_fn(next).filter(|line| !line.text.trim().is_empty())
+    std::iter::from_fn(next)
+}
+
+/// Rows of empty cells in the `segments` of a text, each with the number of its first line, that other rows follow: the line of the first, and
+/// their number.
+pub fn empty_rows(segments: &[(u64, &str)]) -> Option<(u64, usize)> {
+    let of_segment = |&(number, text): &(u64, &str)| {
+        let is_row = |line: &Line<'_>| line.is_empty() && !line.text.trim_matches(' ').is_empty();
+        let last = lines(text, number).last().map_or(0, |line| line.number);
+        let empty: Vec<u64> = all_lines(text, number)
+            .take_while(|line| line.number < last)
+            .filter(is_row)
+            .map(|line| line.number)
+            .collect();
+        Some((*empty.first()?, empty.len()))
+    };
+    segments.iter().filter_map(of_segment).reduce(|(first, one), (_, other)| (first, one + other))
 }
 
 /// Whether a line is a comment of its file.
