@@ -122,6 +122,13 @@ impl Arguments {
                 return Err(Error::field("out", cause));
             }
             output::check(&out, &inputs, Folders::AreMade)?;
+            if Recording::is_foreign(&out) {
+                let cause = format!(
+                    "{} is there, with other names than a recording of this tool: name another folder",
+                    shown(&out)
+                );
+                return Err(Error::field("out", cause));
+            }
             outputs.push(out);
         }
         Ok(outputs)

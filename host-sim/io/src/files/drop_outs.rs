@@ -19,6 +19,13 @@ const BEFORE_S: f64 = 0.5;
 const RARE: f64 = 0.1;
 const BEYOND: f64 = 2.0;
 const ANSWER: f64 = 0.1;
+/// Distance of a lone reading of the drive from those around it, as a share of the range.
+const FAR_LONE: f64 = 0.1;
+/// The answer of a film to half of the range, as a share of the stroke, by which it shows it.
+const FAR_HALF: f64 = 0.5;
+const ANSWER_HALF: f64 = 0.2;
+/// Most pieces of time that are named, in which readings are emptied.
+const MAX_PIECES: usize = 8;
 /// Fewest drop-outs that are a code, and fewest rows of a recording that is judged.
 const CODES: usize = 3;
 const ROWS: usize = 20;
@@ -32,16 +39,18 @@ pub struct DropOuts {
     pub value_m: f64,
     /// The rows.
     pub rows: Vec<usize>,
+    /// How to empty them.
+    advice: String,
 }
 
 impl std::fmt::Display for DropOuts {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let number = rounded(self.number);
+        let number = self.number;
         let (count, are) = (self.rows.len(), if self.rows.len() == 1 { "reading is" } else { "readings are" });
         write!(
             f,
-            "{count} {are} exactly {number} and far from those around, without a jump of the drive: drop-outs of the sensor? Empty them with \
-             import `blank` displacement={number}"
+            "{count} {are} exactly {number} and far from those around, without a jump of the drive: drop-outs of the sensor? {}",
+            self.advice
         )
     }
 }
@@ -93,10 +102,45 @@ impl Recording {
         } else {
             (0.0, zeros)
         };
-        let rows = found.into_iter().flat_map(|(from, to)| from..to).map(|k| present[k]).collect();
-        let factor = self.origin(Quantity::Displacement).map_or(1.0, |column| column.factor);
+        let rows: Vec<usize> = found.into_iter().flat_map(|(from, to)| from..to).map(|k| present[k]).collect();
+        let advice = format!("Empty them with {}", self.blank(Quantity::Displacement, &reading, value, &rows));
+        Some(DropOuts { number: self.as_written(Quantity::Displacement, value), value_m: value, rows, advice })
+    }
+
+    /// A value of `quantity` as its file has it: the shortest number that is read as this value.
+    fn as_written(&self, quantity: Quantity, value: f64) -> f64 {
+        let factor = self.origin(quantity).map_or(1.0, |column| column.factor);
+        let shortened = (0..17).map(|digits| format!("{:.digits$e}", value / factor).parse().unwrap_or(f64::NAN));
         // Not −0.
-        Some(DropOuts { number: value / factor + 0.0, value_m: value, rows })
+        shortened.into_iter().find(|number: &f64| number * factor == value).unwrap_or(value / factor) + 0.0
+    }
+
+    /// The option that empties the `rows` of a `quantity` in which it is `value`: by that number, or by the times where other rows of all `values` have it as well.
+    fn blank(&self, quantity: Quantity, values: &[f64], value: f64, rows: &[usize]) -> String {
+        let name = quantity.name();
+        if values.iter().filter(|other| **other == value).count() == rows.len() {
+            return format!("import `blank` {name}={}", self.as_written(quantity, value));
+        }
+        self.blank_times(quantity, rows)
+    }
+
+    /// The same by their times.
+    fn blank_times(&self, quantity: Quantity, rows: &[usize]) -> String {
+        let time_s = self.time_s();
+        let pieces = rows.chunk_by(|a, b| a + 1 == *b).map(|piece| {
+            let [from, to] = [piece[0], piece[piece.len() - 1]];
+            let t = |row: usize| time_s[row.min(time_s.len() - 1)] - time_s[0];
+            let quarter_s = |row: usize| 0.25 * (t(row + 1) - t(row.saturating_sub(1))) / 2.0;
+            format!(
+                "`blank` {}:{}..{}",
+                quantity.name(),
+                rounded(t(from) - quarter_s(from)),
+                rounded(t(to) + quarter_s(to))
+            )
+        });
+        let pieces: Vec<String> = pieces.collect();
+        let more = if pieces.len() > MAX_PIECES { " and so on" } else { "" };
+        format!("import {}{more}", pieces[..pieces.len().min(MAX_PIECES)].join(" "))
     }
 }
 
@@ -115,40 +159,62 @@ impl Recording {
         let changes = drive.value.windows(2).map(|pair| (pair[1] - pair[0]).abs());
         let [usual] = quantiles(changes.collect(), [0.5])?;
         let [low, high] = quantiles(drive.value.clone(), [0.05, 0.95])?;
-        let far = (FAR_CODE * (high - low).max(low.abs()).max(high.abs())).max(OF_CHANGES * usual);
+        let far = |share: f64| (share * (high - low).max(low.abs()).max(high.abs())).max(OF_CHANGES * usual);
         let runs = runs(&drive.value);
         let value = |run: &(usize, usize)| drive.value[run.0];
         // In several rows, for longer than a film takes to answer, it may be a voltage.
-        let is_apart = |run: &&(usize, usize)| {
+        let is_apart = |run: &(usize, usize), far: f64| {
             let beside = [run.0.checked_sub(1), Some(run.1).filter(|row| *row < rows)];
             let [Some(before), Some(after)] = beside else { return false };
             let [a, b] = [before, after].map(|row| value(run) - drive.value[row]);
             let is_short = after - before == 2 || drive.time_s[after] - drive.time_s[before] <= BEFORE_S;
             a * b > 0.0 && a.abs().min(b.abs()) > far && is_short
         };
-        let mut apart: Vec<(usize, usize)> = runs.iter().filter(is_apart).copied().collect();
+        let is_code = |run: &&(usize, usize)| is_apart(run, far(FAR_CODE));
+        let mut apart: Vec<(usize, usize)> = runs.iter().filter(is_code).copied().collect();
         apart.sort_by(|a, b| value(a).total_cmp(&value(b)));
         let count = |runs: &[(usize, usize)]| runs.iter().map(|(from, to)| to - from).sum::<usize>();
         if count(&apart) as f64 > RARE * rows as f64 {
             return None;
         }
-        let largest = runs.iter().filter(|run| !is_apart(run)).map(|run| value(run).abs()).fold(0.0, f64::max);
+        let largest = runs.iter().filter(|run| !is_code(run)).map(|run| value(run).abs()).fold(0.0, f64::max);
         let columns = self.columns();
         let reading = columns.iter().find(|(name, _)| *name == "displacement_m").map(|(_, reading)| reading)?;
         let [low, high] = quantiles(reading.iter().copied().filter(|value| !value.is_nan()).collect(), [0.05, 0.95])?;
-        let is_code = |same: &&[(usize, usize)]| {
+        let is_answered = |run: &(usize, usize), far: f64| answers(reading, *run, far);
+        let are_code = |same: &&[(usize, usize)]| {
             let is_beyond = value(&same[0]).abs() > BEYOND * largest;
             let far = if is_beyond { high - low } else { ANSWER * (high - low) };
-            let unanswered = same.iter().filter(|run| !answers(reading, **run, far)).count();
+            let unanswered = same.iter().filter(|run| !is_answered(run, far)).count();
             unanswered >= CODES || is_beyond && unanswered == same.len()
         };
-        let same = apart.chunk_by(|a, b| value(a) == value(b)).filter(is_code).max_by_key(|same| same.len())?;
-        let number = rounded(value(&same[0]) / self.origin(quantity).map_or(1.0, |column| column.factor));
-        let (name, count) = (quantity.name(), count(same));
+        let codes = apart.chunk_by(|a, b| value(a) == value(b)).filter(are_code).max_by_key(|same| same.len());
+        let Some(same) = codes else {
+            let is_lone = |run: &&(usize, usize)| {
+                let answer = if is_apart(run, far(FAR_HALF)) { ANSWER_HALF } else { ANSWER };
+                is_apart(run, far(FAR_LONE)) && !is_answered(run, answer * (high - low))
+            };
+            let lone: Vec<usize> = runs.iter().filter(is_lone).flat_map(|run| run.0..run.1).collect();
+            let &first = lone.first().filter(|_| lone.len() as f64 <= RARE * rows as f64)?;
+            let [before, at, after] =
+                [first - 1, first, first + 1].map(|row| self.as_written(quantity, drive.value[row]));
+            let more = if lone.len() == 1 { String::new() } else { format!(" ({} rows in all)", lone.len()) };
+            return Some(format!(
+                "the drive is {at} at {} s between {before} and {after}, and the film does not answer{more}: a reading that was lost, or an arc? Empty it with {} \
+                 `fill` linear",
+                rounded(drive.time_s[first]),
+                self.blank_times(quantity, &lone)
+            ));
+        };
+        let (value, count) = (value(&same[0]), count(same));
         let are = if count == 1 { "value of the drive is" } else { "values of the drive are" };
+        let mut coded: Vec<usize> = same.iter().flat_map(|run| run.0..run.1).collect();
+        coded.sort_unstable();
         Some(format!(
-            "{count} {are} exactly {number}, far from those around, and the film does not answer: codes of missing values, or arcs? Empty them with \
-             import `blank` {name}={number} `fill` linear"
+            "{count} {are} exactly {}, far from those around, and the film does not answer: codes of missing values, or arcs? Empty them with {} `fill` \
+             linear",
+            self.as_written(quantity, value),
+            self.blank(quantity, &drive.value, value, &coded)
         ))
     }
 }

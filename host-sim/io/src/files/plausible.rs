@@ -107,7 +107,17 @@ impl Recording {
         let columns = self.columns();
         let values = |wanted: &str| columns.iter().find(|(name, _)| *name == wanted).map(|(_, values)| values);
         let is_driven_by_voltage = values("voltage_v").is_some();
+        if is_driven_by_voltage && values("voltage_v").is_some_and(|volts| volts.iter().all(|volts| *volts == 0.0)) {
+            return Some("the voltage is 0 in all rows: an empty column, or formulas without their results?".into());
+        }
         let Some(displacement) = values("displacement_m") else {
+            if let Some(column) = self.origin(Quantity::Displacement) {
+                let (number, name) = (column.column, &column.name);
+                return Some(format!(
+                    "column {number} {name:?} has no reading: no displacement was read; a spreadsheet needs the results of its formulas, so \
+                     save it in the program that computes them"
+                ));
+            }
             let ignored = self.ignored();
             let has_response = is_driven_by_voltage && values("force_n").is_some();
             return (!has_response && !ignored.is_empty()).then(|| {
@@ -161,7 +171,7 @@ impl Recording {
             let larger = rounder.next().filter(|_| is_doubtful).or(slower.next().filter(|_| cycles_hz > fast_hz));
             return larger.map(|(_, unit)| format!("{text}{}", self.other(Quantity::Time, unit)));
         }
-        if column.unit == "ms" && (step < *INTERVAL_S.start() || self.duration_s() < MIN_DURATION_S) {
+        if column.unit == "ms" && !is_stated && (step < *INTERVAL_S.start() || self.duration_s() < MIN_DURATION_S) {
             Some(format!("{text}: seconds in a column of ms? State the unit, as in `columns` time={}:s", column.column))
         } else {
             None

@@ -2,6 +2,7 @@
 //!
 //! [`crate::files::layout`] reads them.
 
+use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -80,6 +81,9 @@ const REFERENCE: Layout<1> = Layout {
     needed: &[&[Quantity::Displacement]],
 };
 
+/// The beginning of every recording that is written here.
+const OWN: &[u8] = b"time_s,";
+
 /// Largest time on the clock of a held recording's first row that is still the time since its load was applied, as a share of
 /// its duration; a recording that begins later was cut out of a longer one.
 const MAX_LEAD: f64 = 0.01;
@@ -97,6 +101,13 @@ impl Recording {
     /// [`Error`] naming the file and line of the first thing that cannot be used.
     pub fn read(path: &Path) -> Result<Self> {
         Self::read_with(path, &Hints::default())
+    }
+
+    /// Whether there is a file at `path` that does not begin as recordings do that are written here.
+    pub fn is_foreign(path: &Path) -> bool {
+        let Ok(file) = File::open(path) else { return false };
+        let mut begin = Vec::new();
+        file.take(OWN.len() as u64).read_to_end(&mut begin).is_ok() && !begin.is_empty() && begin != OWN
     }
 
     /// Reads the recording at `path`, of which a person says `hints`.

@@ -1,5 +1,6 @@
 //! Files as they are read and written.
 
+mod advice;
 mod contradicted_rates;
 mod cut_files;
 mod damaged_files;

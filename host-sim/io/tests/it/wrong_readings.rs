@@ -299,3 +299,56 @@ fn millimetres_in_a_column_of_micrometres_are_found() {
         assert!(peak < 3.0 || text.is_empty(), "{peak}: {text:?}");
     }
 }
+
+/// One reading of the voltage that was lost, in random recordings, is named with its time, and what is advised empties it alone.
+#[test]
+fn lone_readings_of_the_drive_are_named() {
+    let folder = Folder::new();
+    let mut noise = Noise(31);
+    let mut range = |low: f64, high: f64| low + 0.5 * (noise.next() + 1.0) * (high - low);
+    for case in 0..60 {
+        let (rate_hz, period_s) = (range(20.0, 200.0).round(), range(3.0, 15.0));
+        let rests = case % 2 == 0;
+        let count = 1 + (case % 3);
+        let samples = (60.0 * rate_hz) as usize;
+        let lost: Vec<usize> = (0..count).map(|_| range(0.2, 0.9) * samples as f64).map(|row| row as usize).collect();
+        let mut rows = Vec::new();
+        let mut film = 0.0;
+        for k in 0..samples {
+            let t = k as f64 / rate_hz;
+            let is_at_rest = rests && t < 5.0;
+            let share = if is_at_rest { 0.0 } else { 0.5 - 0.5 * (TAU * (t - 5.0) / period_s).cos() };
+            let volts = 4000.0 * share.sqrt();
+            film += (1e-3 * share - film) * (1.0 - (-1.0 / (0.4 * rate_hz)).exp());
+            rows.push([t, volts, film + range(-4e-6, 4e-6)]);
+        }
+        // One that is far from those around it: others are no matter.
+        let lost: Vec<usize> = lost.into_iter().filter(|row| rows[*row][1] > 1000.0).collect();
+        let value = if case % 4 == 3 { 4800.0 } else { 0.0 };
+        let mut text = String::from("time_s,voltage_v,displacement_m\n");
+        for (k, [t, volts, film]) in rows.iter().enumerate() {
+            let volts = if lost.contains(&k) { value } else { *volts };
+            writeln!(text, "{t:.5},{volts:.1},{film:.7}").expect("written");
+        }
+        let recording = folder.read(&text, "").expect("read");
+        let found = recording.implausible().join("\n");
+        if lost.is_empty() {
+            assert!(found.is_empty(), "{case}: {found}");
+            continue;
+        }
+        let Some((_, advice)) = found.split_once("import ") else {
+            panic!("{case} {rate_hz} {period_s} {lost:?}: {found}")
+        };
+        let blanks = advice.split("`blank` ").skip(1).map(|blank| blank.split([' ', '`']).next().expect("a word"));
+        let blanks: Vec<Blank> = blanks.map(|blank| blank.parse().expect(blank)).collect();
+        let edits = Edits { blanks, ..Edits::NONE };
+        let (series, emptied) = recording.into_series().edited(&edits, Some(Fill::Linear)).expect("rows");
+        let fixed = Recording::from_series(std::path::Path::new("film.csv"), series);
+        assert!(emptied >= 1 && emptied <= lost.len(), "{case}: {emptied} of {lost:?}");
+        assert_eq!(fixed.columns()[0].1.len(), samples);
+        for &row in &lost {
+            let off = fixed.columns()[0].1[row] - rows[row][1];
+            assert!(off.abs() < 0.05 * 4000.0, "{case}: {off} V in row {row}, {found}");
+        }
+    }
+}

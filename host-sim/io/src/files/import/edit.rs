@@ -3,6 +3,7 @@
 use super::{Fill, Quantity, Series};
 use crate::error::{Error, Result};
 use crate::quantity::positive;
+use crate::terminal::rounded;
 
 /// Changes to the rows of a file, in the order in which they are made.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,13 +53,27 @@ pub enum Blank {
     Above(Quantity, f64),
     /// Those below it.
     Below(Quantity, f64),
-    /// Displacements between these times, s from the first row.
-    During(f64, f64),
+    /// Those between these times, s from the first row.
+    During(Quantity, f64, f64),
     /// Cells of this word, which is no reading. They are emptied as the file is read: [`Hints::words`](super::Hints).
     Word(String),
 }
 
+/// Longest drop-out of what drives a film, s.
+const DROP_OUT_S: f64 = 1.0;
+
 impl Blank {
+    /// The readings that it did not find.
+    fn what(&self) -> String {
+        match self {
+            Self::Equal(_, value) => format!("no number is {value}"),
+            Self::Above(_, value) => format!("no number is above {value}"),
+            Self::Below(_, value) => format!("no number is below {value}"),
+            Self::During(_, from, to) => format!("no reading is from {from} to {to} s"),
+            Self::Word(word) => format!("no cell is {word:?}"),
+        }
+    }
+
     /// The words among `blanks`.
     pub fn words(blanks: &[Self]) -> Vec<String> {
         let word = |blank: &Self| match blank {
@@ -72,24 +87,36 @@ impl Blank {
 impl std::str::FromStr for Blank {
     type Err = String;
 
-    /// `displacement=-9999`, `displacement>12`, `displacement<-1`, `12.5..13` or a word.
+    /// `displacement=-9999`, `displacement>12`, `displacement<-1`, `voltage:12.5..13`, `12.5..13` or a word.
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let number = |part: &str| part.trim().parse::<f64>().ok().filter(|value| value.is_finite());
-        let fault = || format!("{text:?}: use such as displacement=-9999, \"displacement>12\", 12.5..13 (s) or a word");
+        let fault = || {
+            format!(
+                "{text:?}: use such as displacement=-9999, \"displacement>12\", voltage:12.5..13 (s), 12.5..13 of the displacement, or a word"
+            )
+        };
+        let quantity = |name: &str| {
+            let all = [Quantity::Displacement, Quantity::Force, Quantity::Voltage];
+            all.into_iter().find(|quantity| quantity.name() == name.trim()).ok_or_else(fault)
+        };
         if let Some((from, to)) = text.split_once("..") {
+            let (of, from) = from.split_once(':').unwrap_or((Quantity::Displacement.name(), from));
+            let of = quantity(of)?;
             return match (number(from), number(to)) {
-                (Some(from), Some(to)) if from <= to => Ok(Self::During(from, to)),
+                (Some(from), Some(to)) if from <= to => Ok(Self::During(of, from, to)),
                 _ => Err(fault()),
             };
         }
         let Some(at) = text.find(['=', '<', '>']) else {
             let word = text.trim();
-            return if word.is_empty() || number(word).is_some() { Err(fault()) } else { Ok(Self::Word(word.into())) };
+            let is_time = word.split_once(':').is_some_and(|(name, _)| quantity(name).is_ok());
+            return if word.is_empty() || is_time || number(word).is_some() {
+                Err(fault())
+            } else {
+                Ok(Self::Word(word.into()))
+            };
         };
-        let quantity = [Quantity::Displacement, Quantity::Force, Quantity::Voltage]
-            .into_iter()
-            .find(|quantity| quantity.name() == text[..at].trim())
-            .ok_or_else(fault)?;
+        let quantity = quantity(&text[..at])?;
         let value = number(&text[at + 1..]).ok_or_else(fault)?;
         Ok(match &text[at..=at] {
             "=" => Self::Equal(quantity, value),
@@ -144,7 +171,7 @@ impl Series {
             Blank::Equal(quantity, value) | Blank::Above(quantity, value) | Blank::Below(quantity, value) => {
                 (quantity, value)
             }
-            Blank::During(..) => (Quantity::Displacement, 0.0),
+            Blank::During(quantity, ..) => (quantity, 0.0),
             Blank::Word(_) => return Ok(0),
         };
         let start = self.clock_s[0];
@@ -159,16 +186,29 @@ impl Series {
                 Blank::Equal(..) => cell == limit,
                 Blank::Above(..) => (cell > limit) != turned && cell != limit,
                 Blank::Below(..) => (cell < limit) != turned && cell != limit,
-                Blank::During(from, to) => (from..=to).contains(&(clock_s[row] - start)),
+                Blank::During(_, from, to) => (from..=to).contains(&(clock_s[row] - start)),
                 Blank::Word(_) => false,
             })
         };
         let cells: Vec<Option<f64>> =
             column.cells().iter().enumerate().map(|entry| if is_blanked(entry) { None } else { *entry.1 }).collect();
-        let count =
-            cells.iter().zip(column.cells()).filter(|(after, before)| after.is_none() && before.is_some()).count();
+        let emptied: Vec<bool> =
+            cells.iter().zip(column.cells()).map(|(after, before)| after.is_none() && before.is_some()).collect();
         *column = column.with_cells(cells);
-        Ok(count)
+        let pieces = (0..emptied.len()).filter(|row| emptied[*row]).collect::<Vec<usize>>();
+        let length_s = |piece: &[usize]| clock_s[piece[piece.len() - 1]] - clock_s[piece[0]];
+        let longest_s = pieces.chunk_by(|a, b| a + 1 == *b).map(length_s).fold(0.0, f64::max);
+        let is_by_value = !matches!(blank, Blank::During(..)) && quantity != Quantity::Displacement;
+        if pieces.is_empty() {
+            self.understood.notes.push(format!("`blank` of the {} empties nothing: {}", quantity.name(), blank.what()));
+        } else if is_by_value && longest_s > DROP_OUT_S {
+            self.understood.notes.push(format!(
+                "`blank` of the {} empties {} s in one piece, where it may be the film's: name the times of drop-outs, as in {0}:12.5..13",
+                quantity.name(),
+                rounded(longest_s)
+            ));
+        }
+        Ok(pieces.len())
     }
 
     /// The same with `rows` other rows, made from all times and all cells of a column.

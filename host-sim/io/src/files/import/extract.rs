@@ -450,10 +450,7 @@ fn remarks(source: &Source<'_>, names: &[String], out_of_range: &[usize]) -> Vec
         if let [first, more @ ..] = comments.as_slice() {
             let text: String = first.text.trim().chars().take(40).collect();
             let more = if more.is_empty() { String::new() } else { format!(", and {} more", more.len()) };
-            notes.push(format!(
-                "the comment {text:?} between the rows, in line {}{more}, changes nothing here",
-                first.number
-            ));
+            notes.push(format!("left out: the comment {text:?} between the rows, in line {}{more}", first.number));
         }
         if let Some(row) = table.cut_off() {
             let end = table.separator.split(row).pop().unwrap_or_default();

@@ -103,6 +103,13 @@ impl Titles<'_> {
             }
             Some(Column::Name(name)) => self.by_name(quantity, name)?,
         };
+        if quantity == Quantity::Temperature && choice.factor.is_none() && names::is_no_celsius(&self.titles[index]) {
+            return Err(format!(
+                "`columns` temperature: column {} is not in °C by its title; convert it, or temperature={}*1 if it is in °C",
+                self.shown(index),
+                index + 1
+            ));
+        }
         let known = match self.senses[index].unit {
             UnitSense::Known(unit) if unit.quantity == quantity.measure() => Some(unit),
             UnitSense::Known(_) if choice.factor.is_none() => {
@@ -206,7 +213,29 @@ impl Titles<'_> {
             candidates.extend(self.of_unit(quantity, taken, true).into_iter().filter(|k| !named.contains(k)));
             candidates.sort_unstable();
         }
-        self.one_of(quantity, &candidates, By::Name).map(Some)
+        let chosen = self.one_of(quantity, &candidates, By::Name)?;
+        if quantity == Quantity::Displacement {
+            self.refuse_other_sensor(chosen.index, &named)?;
+        }
+        Ok(Some(chosen))
+    }
+
+    /// Refuses a displacement that may be that of a machine beside a sensor that shows volts.
+    fn refuse_other_sensor(&self, index: usize, named: &[usize]) -> Result<(), String> {
+        let is_in_volts =
+            |k: &&usize| matches!(self.senses[**k].unit, UnitSense::Known(unit) if unit.quantity == Quantity::Voltage);
+        let is_other = |k: &&usize| names::is_of_machine(&self.titles[index], &self.titles[**k]);
+        match named.iter().filter(is_in_volts).find(is_other) {
+            Some(&other) => Err(format!(
+                "columns {} and {} may be the displacement; choose one with `columns` displacement={} or, with the mm of a volt as NUMBER, \
+                 displacement={}:mm*NUMBER",
+                self.shown(index),
+                self.shown(other),
+                index + 1,
+                other + 1
+            )),
+            None => Ok(()),
+        }
     }
 
     /// The columns without a name that is known here and with a unit of `quantity`. Volts are the output of many sensors; as `rivals` of a

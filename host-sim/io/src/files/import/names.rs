@@ -2,8 +2,8 @@
 
 use super::units::{self, Unit};
 use super::words::{
-    DEGREES, DERIVED, DRIVEN, ELSEWHERE, FACTORS, LETTERS, NO_TIMES, OF_TWO_VOLTAGES, ORDERED, OTHER_UNITS,
-    OTHER_WORDS, SIZES, STEPS, TEMPERATURES, WORDS,
+    DEGREES, DERIVED, DRIVEN, ELSEWHERE, FACTORS, LETTERS, MACHINES, NO_CELSIUS, NO_TIMES, OF_TWO_VOLTAGES, ORDERED,
+    OTHER_UNITS, OTHER_WORDS, SIZES, STEPS, TEMPERATURES, WORDS,
 };
 use super::{Names, Quantity, Request};
 
@@ -163,7 +163,7 @@ fn is_scaled(name: &str) -> bool {
     let is_other = |text: &str| text.parse::<f64>().is_ok_and(|number| number != 1.0);
     let parts: Vec<&str> =
         name.split(|c: char| c.is_whitespace() || "()[]{},;_".contains(c)).filter(|p| !p.is_empty()).collect();
-    let is_apart = |pair: &[&str]| matches!(pair[0], "x" | "X" | "×" | "*" | "/") && is_other(pair[1]);
+    let is_apart = |pair: &[&str]| matches!(pair[0], "x" | "X" | "×" | "·" | "*" | "/") && is_other(pair[1]);
     let is_first = matches!(parts.as_slice(), [first, "x" | "X" | "×", _, ..] if is_other(first));
     let is_in_brackets = || without_brackets(name).1.iter().any(|text| is_factor(&text.trim().to_lowercase()));
     name.contains('^')
@@ -253,6 +253,21 @@ pub(super) fn is_temperature(name: &str) -> bool {
     let is_unit =
         |unit: &str| name.trim().ends_with(unit) || without_brackets(name).1.iter().any(|text| text.trim() == unit);
     TEMPERATURES.split(' ').any(is_named) || DEGREES.split(' ').any(is_unit)
+}
+
+/// Whether the title of a temperature has another unit than °C, or a factor.
+pub(super) fn is_no_celsius(title: &Title) -> bool {
+    let inside = without_brackets(&title.name).1;
+    let mut units = inside.iter().map(String::as_str).chain(title.unit.as_deref()).map(str::trim);
+    units.any(|unit| NO_CELSIUS.split(' ').any(|other| other == unit) || unit.contains(|c: char| c.is_ascii_digit()))
+}
+
+/// Whether the `title` of a displacement may be that of a machine or a stage, and not of the sensor with the title `sensor`.
+pub(super) fn is_of_machine(title: &Title, sensor: &Title) -> bool {
+    let of_machine = || MACHINES.split(' ');
+    let [title, sensor] = [title, sensor].map(|title| words(&title.name));
+    of_machine().any(|word| title.iter().any(|other| other == word))
+        && !of_machine().any(|word| sensor.iter().any(|other| other == word))
 }
 
 /// Whether `name` has a word for an amplifier, its command or its monitor, or what it drives, and none for its current. Any instrument

@@ -7,8 +7,8 @@ use super::{Quantity, RepeatedTimes};
 use crate::terminal::rounded;
 
 /// Words for numbers of rows.
-const NUMBERS: &str =
-    "sample samples index idx no nr n # number nummer row rows point points scan scans record reading";
+const NUMBERS: &str = "sample samples index idx no nr n # number nummer row rows point points scan scans record reading counter count seq sequence packet frame id \
+     zeile punkt 序号 番号";
 /// Beginnings of words for the part of a second that a column has beside its times.
 const PARTS: &str = "fraction subsec nsec nanosec usec microsec msec millis ms";
 /// Rates between which rows are, in Hz.
@@ -64,14 +64,14 @@ pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], clock_s
                 "the times have rows at {rate} Hz, the lines above them state {stated} Hz: one may be in another unit"
             ));
         }
-        _ if !has_times => notes.extend(numbered(source, chosen, titles)),
+        _ if !has_times => notes.extend(numbered(source, chosen, titles, step_s)),
         _ => {}
     }
     notes
 }
 
-/// Where a column numbers the rows, and not by one.
-fn numbered(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Option<String> {
+/// Where a column numbers the rows, which are `step_s` apart (s), and not by one.
+fn numbered(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], step_s: f64) -> Option<String> {
     let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
     let is_number = |word: &String| NUMBERS.split(' ').any(|known| known == word);
     let index = (0..titles.len()).find(|&index| !is_used(index) && words(&titles[index]).iter().any(is_number))?;
@@ -92,9 +92,10 @@ fn numbered(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Option<
     let (line, from, to) = jump.filter(|_| is_count)?;
     Some(format!(
         "{:?} goes from {from} to {to} in line {line}: rows are not there, but the times follow from a rate as if they were; use the numbers as \
-         times, as in `columns` time={}*0.001",
+         times, as in `columns` time={}*{}, without the rate",
         titles[index].name,
-        index + 1
+        index + 1,
+        rounded(step_s)
     ))
 }
 

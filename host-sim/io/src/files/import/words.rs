@@ -16,7 +16,7 @@ pub(super) const WORDS: &[(Quantity, &str)] = &[
     (Quantity::Force, "force load loadcell kraft standardkraft prüfkraft zugkraft fuerza forza 力 载荷"),
     (
         Quantity::Displacement,
-        "displacement stroke laser extension elongation deflection travel position weg standardweg traversenweg hub auslenkung verschiebung \
+        "displacement stroke laser extensometer extension elongation deflection travel position weg standardweg traversenweg hub auslenkung verschiebung \
     posición posizione posição poloha pozycja konum läge uitwijking verplaatsing przemieszczenie elmozdulás перемещение положение \
     deplacement déplacement desplazamiento spostamento 位移 変位",
     ),
@@ -25,6 +25,9 @@ pub(super) const WORDS: &[(Quantity, &str)] = &[
 /// Words for what is not in recordings, which count where such a quantity is asked for.
 pub(super) const OTHER_WORDS: &[(Quantity, &str)] =
     &[(Quantity::Stretch, "stretch lambda λ"), (Quantity::Stress, "stress zugspannung contrainte")];
+
+/// Words for the displacement of a machine or a stage.
+pub(super) const MACHINES: &str = "position extensometer extension elongation travel weg standardweg traversenweg poloha pozycja konum posizione posição posición 位置";
 
 /// Words that name which of an amplifier's two voltages a column is.
 pub(super) const OF_TWO_VOLTAGES: &[(Quantity, &str)] = &[
@@ -39,6 +42,9 @@ pub(super) const DRIVEN: &str = "trek matsusada amplifier amp verstärker hochsp
 pub(super) const TEMPERATURES: &str =
     "temperature temp temperatur température temperatura thermocouple pt100 ntc 温度 溫度 気温 室温";
 pub(super) const DEGREES: &str = "°C ℃ °F ℉ degC degF";
+
+/// Units of temperatures that are not °C, and of sensors of one.
+pub(super) const NO_CELSIUS: &str = "°F ℉ degF F K °K V mV mA Ω ohm";
 
 /// Units and counts of quantities that recordings do not have; also in front of a slash and the unit that they are divided by.
 pub(super) const OTHER_UNITS: &str = "count counts cts digit digits pulse pulses step steps px pixel pixels cycles % %rh ° °c c degc ℃ °f k g kg a ma µa ua na \
@@ -61,16 +67,17 @@ pub(super) const LETTERS: &[(Quantity, &str)] = &[
 pub(super) const ORDERED: &str = "target tgt referenc référenc referenz ref riferiment setpoint setpt sp set setting limit lim demand program \
     prog stage command cmd desired wanted request preset nominal goal ideal ceiling ovp ctrl ao xd des desir \
     planned trajectory profile control compliance trip threshold alarm interlock breakdown generator dac motor \
-    soll sollwert vorgab grenz führungs wunsch ziel nenn stell consign cible objetivo desead impost obiettivo \
+    soll sollwert vorgab grenz führungs 参考 wunsch ziel nenn stell consign cible objetivo desead impost obiettivo \
     richiest desiderat doel gewenst börvärd zadan žádan inställ ingesteld nastaw előírt \
     ajustad hedef задан referênc 设定 設定 目标 目標 给定 指令 指定";
 /// Parts of words for what was computed.
 pub(super) const DERIVED: &str = "rms eff effekti efficac eficaz filter filtr smooth geglätt lissé lowpass tiefpass max maxim máxim min minim \
     mínim peak pk pp pkpk ptp spitze crête average avg mean median mittel moyen medio media promedio std sd \
     stdev sigma varian error err deviation dev abweich fehler schlepp residu theor théor model fem simul predict \
-    estimat geschätzt expected calc comput berechnet fit fitted detrend normaliz normalis normier interpol \
+    filt estimat est pred sim hat interp lp 理論 理论 推定 估计 预测 預測 予測 仿真 模拟 滤波 濾波 \
+    geschätzt expected calc comput berechnet fit fitted detrend normaliz normalis normier interpol \
     corrected offset zero tare ripple noise ac range scale gain amplitude envelope delta drift cumul squared \
-    resolution auflösung uncertain unsicher initial inverted inv negated neg negative negativ minus abs differenc differenz \
+    resolution auflösung uncertain unsicher uncalibrated unkalibriert initial reversed inverted inv negated neg negative negativ minus abs differenc differenz \
     fft log log10 sqrt velocity \
     travelled traveled accumul path zurückgelegt increments dvoltage hex geschwindigkeit 速度 误差 誤差 平均 最大 最小 有效 実効 峰值";
 /// Words for the time from one row to the next.

@@ -79,13 +79,10 @@ fn rows(
 ) -> Result<(String, Vec<Cells>), String> {
     let fault = |error: calamine::XlsxError| format!("spreadsheet {name:?}: {error}; save it again");
     let mut reader = book.worksheet_cells_reader(name).map_err(fault)?;
-    let (mut text, mut columns) = (String::new(), Vec::new());
-    // The cell that is written next.
-    let mut place = (0, 0);
+    let (mut cells, mut columns) = (Vec::new(), Vec::new());
     while let Some(cell) = reader.next_cell().map_err(fault)? {
         let (row, column) = cell.get_position();
-        // Cells that are out of order would be at another place here.
-        if column >= MAX_COLUMNS || row >= MAX_ROWS || (row, column) < place {
+        if column >= MAX_COLUMNS || row >= MAX_ROWS {
             continue;
         }
         let kinds: &mut Cells = {
@@ -113,6 +110,14 @@ fn rows(
             // Such as #N/A: no reading.
             DataRef::Error(_) | DataRef::Empty => continue,
         };
+        cells.push(((row, column), value));
+    }
+    // Some writers have rows in another order.
+    cells.sort_by_key(|(place, _)| *place);
+    cells.dedup_by_key(|(place, _)| *place);
+    let mut text = String::new();
+    let mut place = (0, 0);
+    for ((row, column), value) in cells {
         while place.0 < row {
             text.push('\n');
             place = (place.0 + 1, 0);
