@@ -90,7 +90,7 @@ pub fn of_delay(candidate: &Candidate, uncertainty: Option<&Uncertainty>, warnin
         )
     } else {
         format!(
-            "the voltage lags the stroke by {ms:.1} ms{interval}: a slow monitor or clocks that differ. The film is fitted without that lag; \
+            "the voltage lags the stroke by {ms:.1} ms{interval}: a slow monitor, clocks that differ, or a stroke that was smoothed without delay (moving average, filtfilt). The film is fitted without that lag; \
              `sensor_delay_s` fixes it"
         )
     };
@@ -225,12 +225,17 @@ impl Misfit {
     }
 }
 
+/// Error to expect, over what is left of the readings and in % of the stroke at the least, from which it is stated for white residuals as well.
+const FAULTY: f64 = 5.0;
+const WORTH_A_LINE_PCT: f64 = 0.1;
+
 /// Residuals that are not white: how large what the model does not follow is, and what follows from it: an error of up to `expected_pct`.
 pub fn of_whiteness(white: bool, misfit: Misfit, expected_pct: f64, drive: &Input, warnings: &mut Vec<Warning>) {
-    if white {
+    // Faults of recordings are no part of the residuals.
+    if white && expected_pct < FAULTY * misfit.rms_pct.max(WORTH_A_LINE_PCT) {
         return;
     }
-    let (severity, size) = match misfit.systematic_pct {
+    let (severity, size) = match misfit.systematic_pct.max(expected_pct / FAULTY) {
         small if small < 0.1 => (Severity::Note, "negligible"),
         small if small < 0.5 => (Severity::Note, "small"),
         medium if medium < 2.0 => (Severity::Caution, "notable"),
@@ -340,7 +345,9 @@ pub fn branch_rows(candidate: &Candidate) -> Vec<BranchRow> {
                 relaxation_time_s: time_s,
                 share_pct: time_s
                     .zip(model.as_ref())
-                    .map(|(time_s, model)| share_pct(candidate, model, branch, time_s)),
+                    .map(|(time_s, model)| share_pct(candidate, model, branch, time_s))
+                    // Beyond the range of numbers it has none.
+                    .filter(|share_pct| share_pct.is_finite()),
                 share_of: match candidate.topology {
                     Topology::Parallel => "stiffness",
                     Topology::Eq11 => "compliance of all branches",

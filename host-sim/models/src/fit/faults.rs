@@ -248,6 +248,9 @@ fn faults(courses: Vec<Course>, fastest_hz: f64) -> Vec<Fault> {
     if faults.is_empty() {
         faults.extend(state.dead_band());
     }
+    if !faults.iter().any(|fault| fault.advice == voltage::ZERO) {
+        faults.extend(state.zero_of_monitor());
+    }
     // Causes that explain more than a lag are known by now.
     if !state.is_shifted {
         faults.extend(state.late(fastest_hz));
@@ -389,8 +392,9 @@ impl State {
                 "record the amplifier's monitor and the stroke with one clock and without filters, and steps or faster cycles; fit `sensor_delay_s` states a known delay",
             )
         } else {
-            let finding =
-                format!("the drive lags the stroke by about {ms:.0} ms: a slow monitor, or clocks that differ");
+            let finding = format!(
+                "the drive lags the stroke by about {ms:.0} ms: a slow monitor, clocks that differ, or a stroke that was smoothed without delay"
+            );
             (finding, "record both with one clock and without filters; fit `sensor_delay_s` states a known difference")
         };
         let (size, effect) = (TAU * fastest_hz * lag_s.abs() / 3.0, Effect::Lag(lag_s));

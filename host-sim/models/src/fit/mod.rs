@@ -20,6 +20,7 @@ pub mod objective;
 pub mod observation;
 pub mod options;
 pub(crate) mod pattern_search;
+mod plain;
 pub mod preparation;
 mod provenance;
 mod repeats;
@@ -149,6 +150,12 @@ pub fn fit(
             refits = search::refits(&context, observations, &found)?;
         }
     }
+    if settings.method == Method::Lm && !interrupted {
+        found = plain::with_plain_orders(&context, found);
+        if let Some(uncertainty) = &mut uncertainty {
+            uncertainty.state(&found);
+        }
+    }
     Fit::new(&context, observations, settings, &faults, Selected { found, rows, refits }, uncertainty, interrupted)
 }
 
@@ -244,6 +251,9 @@ fn in_order(context: &Context<'_>, found: Found, settings: &Settings) -> Found {
     }
 }
 
+/// Part of a lead of the stroke over the drive that may be smoothing: calibrated on centred averages of 0.3 and 0.5 s.
+const SMOOTHED: f64 = 0.55;
+
 impl Fit {
     /// The fit that ends with `found`.
     ///
@@ -282,6 +292,8 @@ impl Fit {
         let left = faults.left(observations[0].reading);
         let (size, lag_s) = faults.size_and_lag_s(&left);
         recorded.jitter_s = jitter::jitter_s(observations, &modelled, &residuals);
+        // A stroke that was smoothed without delay leads as well, and has lost of its fast part what such a lag explains.
+        let lag_s = lag_s + SMOOTHED * (-candidate.delay_s).max(0.0);
         (recorded.fault_m, recorded.lag_s) = (size * (recorded.stroke_m[1] - recorded.stroke_m[0]), lag_s);
         let expected_pct = expected_pct(context, &found.candidate, &refits, &recorded);
 

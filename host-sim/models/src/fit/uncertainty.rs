@@ -98,6 +98,23 @@ impl Uncertainty {
     }
 }
 
+impl Uncertainty {
+    /// States the values of `found`, which the recordings do not distinguish from those of the minimum: intervals reach them.
+    pub(super) fn state(&mut self, found: &Found) {
+        for variable in &found.variables {
+            let name = variable.to_string();
+            let Some(estimate) = self.estimates.iter_mut().find(|estimate| estimate.name == name) else { continue };
+            let value = variable.natural(&found.candidate);
+            estimate.value = value;
+            estimate.low = estimate.low.map(|low| low.min(value));
+            estimate.high = estimate.high.map(|high| high.max(value));
+            estimate.at_bound = is_at_bound(*variable, found);
+        }
+        // As above.
+        self.estimates.retain(|estimate| estimate.value.is_finite());
+    }
+}
+
 impl Estimate {
     /// The estimate of `variable` with the ends of its profile, if there is one, and its standard deviation, both as the fit varies it.
     fn new(found: &Found, variable: Variable, profile: Option<Ends>, deviation: Option<f64>, at_bound: bool) -> Self {

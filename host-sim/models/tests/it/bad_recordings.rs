@@ -166,7 +166,7 @@ fn expected(recordings: &[Recording], film: &Film, stroke_m: f64) -> Result<Expe
 }
 
 /// Faults with which `fit` is to find the film, or to name them.
-const FITTED: [&str; 11] = [
+const FITTED: [&str; 12] = [
     "drift",
     "offsets that differ",
     "sensor delay",
@@ -178,6 +178,7 @@ const FITTED: [&str; 11] = [
     "arcs in the sensor",
     "slow monitor",
     "missing bleeder",
+    "monitor with a wrong zero",
 ];
 /// Those of a zero, which are estimated.
 const ESTIMATED: usize = 2;

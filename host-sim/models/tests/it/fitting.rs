@@ -29,7 +29,7 @@ pub(crate) fn observations(plant: &str) -> Vec<Observation> {
     recordings(plant).iter().map(|path| observation(path, Direction::Force)).collect()
 }
 
-fn structure(topology: Topology, branches: usize) -> Settings {
+pub(crate) fn structure(topology: Topology, branches: usize) -> Settings {
     Settings { topologies: vec![topology], branches: vec![branches], ..Settings::default() }
 }
 
@@ -48,7 +48,7 @@ fn truth() -> Candidate {
 }
 
 /// The recordings of a plant with the model's own answers instead of the measured ones.
-fn synthetic(truth: &Candidate, noise_m: f64) -> Vec<Observation> {
+pub(crate) fn synthetic(truth: &Candidate, noise_m: f64) -> Vec<Observation> {
     let mut observations = observations("hossain");
     let modelled =
         Objective::new(&observations, Preload::Settled).expect("valid").evaluate(truth).expect("a response").modelled;

@@ -22,6 +22,7 @@ mod measured_curve;
 mod models;
 mod one_law;
 mod periodic;
+mod plain_orders;
 mod plant;
 mod plants;
 mod plausibility;

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::super::statistics;
 use super::{Cause, Change, Effect, Fault, SIZE, State};
 use crate::grid::Samples;
 
@@ -16,10 +17,17 @@ type Family<'a> = (
     fn(f64) -> Effect,
 );
 
-const ZERO: &str = "check the zero of the monitor and the amplifier's smallest voltage";
+pub(super) const ZERO: &str = "check the zero of the monitor and the amplifier's smallest voltage";
 /// Largest share of the squares of a plain film without a dead band, and of any film, that one with a dead band may leave.
 const PLAINER: f64 = 0.25;
 const AS_GOOD: f64 = 1.5;
+/// Voltages of a wrong zero, as shares of the largest, and its size as a fault over that.
+const OFF_ZERO: std::ops::Range<f64> = 0.002..0.04;
+const OF_ZERO: f64 = 0.6;
+/// Shortest time, s, and fewest rows at one voltage that are a rest, and the voltages that are one, as a share of the largest.
+const REST_S: f64 = 0.1;
+const REST_ROWS: usize = 5;
+const SAME: f64 = 5e-4;
 /// Share of the rows under voltage that a dead band contains at least.
 const CROSSED: f64 = 0.03;
 
@@ -51,6 +59,28 @@ impl State {
         })
     }
 
+    /// Voltages that are near 0, and not 0, where the drive rests or turns: a film does not show them.
+    pub(super) fn zero_of_monitor(&self) -> Option<Fault> {
+        let courses = &self.blocks.courses;
+        if !courses.iter().all(|course| course.is_voltage) {
+            return None;
+        }
+        let lowest = courses.iter().zip(&self.drives).map(|(course, volts)| lowest(&course.time_s, volts));
+        let lowest: Vec<f64> = lowest.collect::<Option<_>>()?;
+        let mean = lowest.iter().sum::<f64>() / lowest.len() as f64;
+        let are_alike = lowest.iter().all(|low| (low - mean).abs() < 0.5 * mean.abs());
+        (are_alike && OFF_ZERO.contains(&mean.abs())).then(|| Fault {
+            file: None,
+            finding: format!(
+                "the voltage is {:.2} % of the largest where it is lowest: a zero of the monitor that is off, unless the amplifier gives it",
+                100.0 * mean
+            ),
+            advice: "measure the monitor while the amplifier is off, and subtract that from the voltages",
+            size: OF_ZERO * mean.abs(),
+            effect: Effect::Other,
+        })
+    }
+
     /// Voltages on the film that are not the recorded ones.
     pub(super) fn of_voltage(&self) -> Vec<Cause> {
         const MONITOR: &str = "record the amplifier's monitor, not the command";
@@ -69,7 +99,7 @@ impl State {
             (
                 &[0.05, 0.1, 0.2, 0.4],
                 &ahead,
-                "the recorded voltage lags the one on the film by about {}: a slow monitor",
+                "the recorded voltage lags the one on the film by about {}: a slow monitor, or a stroke that was smoothed without delay",
                 milliseconds,
                 CLOCK,
                 |lag_s| Effect::Lag(-lag_s),
@@ -93,7 +123,7 @@ impl State {
             (
                 &[-0.05, -0.1, -0.2, -0.4, -0.8],
                 &shifted,
-                "the voltage lags the stroke by about {}: a slow monitor, or clocks that differ",
+                "the voltage lags the stroke by about {}: a slow monitor, clocks that differ, or a stroke that was smoothed without delay",
                 milliseconds,
                 CLOCK,
                 Effect::Lag,
@@ -186,6 +216,20 @@ fn percent(share: f64) -> String {
 
 fn milliseconds(time_s: f64) -> String {
     format!("{:.0} ms", 1e3 * time_s.abs())
+}
+
+/// The voltage at which `volts` of one polarity stay for a while where they are lowest; none where they do not stay.
+fn lowest(time_s: &[f64], volts: &[f64]) -> Option<f64> {
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let polarity = volts.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()))?.signum();
+    let smooth: Vec<f64> = volts.windows(REST_ROWS).map(mean).collect();
+    let least = smooth.iter().copied().min_by(|a, b| (polarity * a).total_cmp(&(polarity * b)))?;
+    let near = SAME.max(4.0 * statistics::noise(volts));
+    let is_near = |k: &usize| (smooth[*k] - least).abs() <= near;
+    let rows: Vec<usize> = (0..smooth.len()).filter(is_near).collect();
+    let runs = rows.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[run.len() - 1] + REST_ROWS);
+    let longest = runs.max_by(|a, b| a.len().cmp(&b.len()))?;
+    (time_s[longest.end - 1] - time_s[longest.start] >= REST_S).then(|| mean(&volts[longest]))
 }
 
 /// `volts` without the part within `share`.

@@ -315,6 +315,20 @@ pub(super) const FAULTS: &[Fault] = &[
         first_order(&mut run.recorded_v, lag_s, lag_s);
     })
     .of_instrument(),
+    voltage("monitor with a wrong zero", &["zero of the monitor"], |run, random| {
+        let off_v = PEAK_V * random.random_range(0.004..0.012) * if random.random_bool(0.5) { 1.0 } else { -1.0 };
+        run.recorded_v.iter_mut().for_each(|v| *v += off_v);
+    })
+    .of_instrument(),
+    reading("stroke averaged about each row", &["smoothed without delay"], |run, random| {
+        let (half, read) = (random.random_range(100..250), run.reading.clone());
+        let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+        let rows = read.len();
+        run.reading.iter_mut().enumerate().for_each(|(k, x)| {
+            *x = mean(&read[k.saturating_sub(half)..(k + half + 1).min(rows)]);
+        });
+    })
+    .of_instrument(),
     reading("sensor loses sight", ELSEWHERE, |run, random| {
         for _ in 0..2 {
             let (from, length) = (middle(run, random), random.random_range(500..4000));
