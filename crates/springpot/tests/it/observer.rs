@@ -261,6 +261,8 @@ fn invalid_observers_are_refused() {
             assert!(matches!(new(options), Err(ControlError::NotPositive { .. })), "{options:?}");
         }
     }
+    let still = ObserverOptions { bandwidth_hz: 0.9e-9, ..good };
+    assert!(matches!(new(still), Err(ControlError::BandwidthTooLow { .. })));
     let lost = ObserverOptions { sample_interval_s: 0.06, ..good };
     assert!(matches!(new(lost), Err(ControlError::LostBetweenSamples { .. })));
     let slow = ObserverOptions { sample_interval_s: 0.2, lost_after_s: 1.0, ..good };

@@ -150,8 +150,9 @@ impl Found {
     /// The zeros that recordings have for themselves by these faults.
     pub(super) fn reading(&self) -> Reading {
         let has = |effect: Effect| self.0.iter().any(|fault| fault.effect == effect);
-        let [own_offset, drifts, settles] = [Effect::Offset, Effect::Drift, Effect::Settling].map(has);
-        Reading { own_offset, drifts, settles, own_gain: false }
+        let [differs, drifts, settles] = [Effect::Offset, Effect::Drift, Effect::Settling].map(has);
+        // A sensor that was zeroed while the film still moved has a zero of its own as well.
+        Reading { own_offset: differs || settles, drifts, settles, own_gain: false }
     }
 
     /// Without lags, which a sensor's delay explains.

@@ -54,7 +54,11 @@ impl State {
             causes.push(Cause { effect: Effect::Offset, ..cause });
         }
         let warm = |share: f64| self.each(move |_, t, last_s| (-t / (share * last_s)).exp());
-        let recovers = SETTLES.into_iter().flat_map(warm).collect();
+        let mut recovers: Vec<Vec<f64>> = SETTLES.into_iter().flat_map(warm).collect();
+        // The sensor was zeroed while the film still moved.
+        if self.blocks.courses.len() > 1 {
+            recovers.extend(self.each(|_, _, _| 1.0));
+        }
         let cause = Cause::of_all(
             "the stroke settles from the first row on without a cause in the drive: the film was driven before, or the sensor warms up",
             "rest for ten minutes before recording, with the sensor switched on; or fit from where it has settled (`from_s`)",
