@@ -131,12 +131,10 @@ impl Recording {
             let [from, to] = [piece[0], piece[piece.len() - 1]];
             let t = |row: usize| time_s[row.min(time_s.len() - 1)] - time_s[0];
             let quarter_s = |row: usize| 0.25 * (t(row + 1) - t(row.saturating_sub(1))) / 2.0;
-            format!(
-                "`blank` {}:{}..{}",
-                quantity.name(),
-                rounded(t(from) - quarter_s(from)),
-                rounded(t(to) + quarter_s(to))
-            )
+            // Digits that keep the ends between the rows, hours from the first one as well.
+            let digits = (1.5 - quarter_s(from).min(quarter_s(to)).max(1e-9).log10()).max(0.0) as usize;
+            let [begin, end] = [t(from) - quarter_s(from), t(to) + quarter_s(to)];
+            format!("`blank` {}:{begin:.digits$}..{end:.digits$}", quantity.name())
         });
         let pieces: Vec<String> = pieces.collect();
         let more = if pieces.len() > MAX_PIECES { " and so on" } else { "" };
