@@ -25,7 +25,7 @@ fn a_code_is_advised_as_it_is_read() {
         [-999.999_9, -99.999_98, 9_999.999_9, 21.474_836_47, -1.0].map(|code: f64| code.to_string()).to_vec();
     codes.push(f64::from(-99.999_9_f32).to_string());
     for code in codes {
-        let film = |k: usize| 0.5 + 0.2 * (0.02 * k as f64).sin() + if k % 2 == 0 { 1e-3 } else { 0.0 };
+        let film = |k: usize| 0.5 + 0.2 * (0.02 * k as f64).sin() + if k.is_multiple_of(2) { 1e-3 } else { 0.0 };
         let text =
             table(
                 "Time (s),HV (V),Laser (mm)",
