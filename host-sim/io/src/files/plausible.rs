@@ -27,7 +27,7 @@ const DOUBTFUL_RATE_HZ: f64 = 250.0;
 /// Deviation of a round rate.
 const ROUND: f64 = 2e-3;
 /// Shortest recording in milliseconds, s.
-const MIN_DURATION_S: f64 = 0.1;
+const MIN_DURATION_S: f64 = 2.0;
 /// Rows of the shortest recording that is judged so.
 const MIN_ROWS: usize = 50;
 
