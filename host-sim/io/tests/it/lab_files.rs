@@ -125,8 +125,14 @@ fn comments_between_the_rows_are_noted() {
     let table = format!("# rig 7\nTime (s),U (kV),Laser (mm)\n{}", rows(",", '.', usual));
     let (above, below) = table.split_at(table.match_indices('\n').nth(20).expect("rows").0 + 1);
     let notes = |text: String| folder.read(text, "").expect("read").notes().join("; ");
-    has(&notes(format!("{above}# now in V\n{below}")), &["\"# now in V\" between the rows, in line 22"]);
-    has(&notes(format!("{above}# a\n% b\n{below}")), &["\"# a\" between the rows, in line 22, and 1 more"]);
+    has(
+        &notes(format!("{above}# now in V\n{below}")),
+        &["left out: the comment \"# now in V\" between the rows, in line 22"],
+    );
+    has(
+        &notes(format!("{above}# a\n% b\n{below}")),
+        &["left out: the comment \"# a\" between the rows, in line 22, and 1 more"],
+    );
     for none in [table.clone(), format!("{table}# end\n")] {
         assert_eq!(notes(none), "");
     }

@@ -211,7 +211,14 @@ fn voltages_of_mains_and_controls_are_not_the_films() {
     }
 }
 
-/// Milliseconds in a column of seconds, at any usual rate; slow recordings are not reported.
+/// Remarks on a recording of these times, in a column with this name, and voltages.
+fn doubts(folder: &Folder, time: &str, rows: impl Iterator<Item = (f64, f64)>) -> String {
+    let mut text = format!("{time},voltage_v,displacement_m\n");
+    rows.for_each(|(t, volts)| writeln!(text, "{t},{volts},{}", 1e-10 * volts * volts).expect("written"));
+    folder.read(text, "").expect("read").implausible().join("\n")
+}
+
+/// Milliseconds in a column of seconds, at any usual rate, and seconds in one of milliseconds; slow recordings are not reported.
 #[test]
 fn milliseconds_in_a_column_of_seconds_are_found() {
     let folder = Folder::new();
@@ -223,13 +230,17 @@ fn milliseconds_in_a_column_of_seconds_are_found() {
         (1.0, 60.0, false),
         (0.1, 5000.0, false),
     ] {
-        let mut text = String::from("time_s,voltage_v,displacement_m\n");
-        for t in (0..30_000).map(|k| step * f64::from(k)) {
-            let volts = 1500.0 * (1.0 - (TAU * t / period).cos());
-            writeln!(text, "{t},{volts},{}", 1e-10 * volts * volts).expect("written");
-        }
-        let text = folder.read(text, "").expect("read").implausible().join("\n");
+        let volts = |t: f64| 1500.0 * (1.0 - (TAU * t / period).cos());
+        let times = (0..30_000).map(|k| step * f64::from(k));
+        let text = doubts(&folder, "time_s", times.map(|t| (t, volts(t))));
         assert_eq!(text.contains("ms in a column of s?"), found, "{step} {period}: {text}");
+    }
+    // 150 and 600 s at 20 and 10 Hz.
+    for (seconds, rate_hz, unit_s) in [(150, 20, 1.0), (600, 10, 1.0), (150, 20, 1e3), (3, 1000, 1e3)] {
+        let times = (0..seconds * rate_hz).map(|k| f64::from(k) / f64::from(rate_hz));
+        let rows = times.map(|t| (t * unit_s, 1500.0 * (1.0 - (TAU * t / 2.0).cos())));
+        let text = doubts(&folder, "time_ms", rows);
+        assert_eq!(text.contains("seconds in a column of ms?"), unit_s == 1.0, "{seconds} {rate_hz}: {text}");
     }
 }
 
@@ -267,12 +278,10 @@ fn minutes_and_hours_in_a_column_of_seconds_are_found() {
     for (rate_hz, hold, found) in
         [(60.0, false, false), (120.0, false, false), (100.0, true, false), (6000.0, true, true)]
     {
-        let mut text = String::from("time_s,voltage_v,displacement_m\n");
-        for t in (0..(1800.0_f64).min(20.0 * rate_hz) as u32).map(|k| f64::from(k) / rate_hz) {
-            let volts = if hold { 2000.0 * f64::from(u8::from(t > 0.12)) } else { 1500.0 * (1.0 - (TAU * t).cos()) };
-            writeln!(text, "{t:.9},{volts},{}", 1e-10 * volts * volts).expect("written");
-        }
-        let text = folder.read(text, "").expect("read").implausible().join("\n");
+        let step = |t: f64| 2000.0 * f64::from(u8::from(t > 0.12));
+        let volts = |t: f64| if hold { step(t) } else { 1500.0 * (1.0 - (TAU * t).cos()) };
+        let times = (0..(1800.0_f64).min(20.0 * rate_hz) as u32).map(|k| f64::from(k) / rate_hz);
+        let text = doubts(&folder, "time_s", times.map(|t| (t, volts(t))));
         assert_eq!(text.contains("min in a column of s?"), found, "{rate_hz} {hold}: {text}");
     }
 }
