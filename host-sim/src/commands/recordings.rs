@@ -14,9 +14,6 @@ use crate::quantity::{self, positive};
 use crate::references;
 use crate::terminal;
 
-/// Rows of a recording about whose numbers a command warns.
-const MIN_ROWS: usize = 50;
-
 /// Options for files whose columns do not have the names of a recording.
 #[derive(Clone, Debug, Default, Args)]
 pub(super) struct RecordingOptions {
@@ -122,10 +119,7 @@ pub(super) fn report_columns(recording: &Recording) {
 pub(super) fn report(recording: &Recording) {
     report_columns(recording);
     let file = shown(recording.path());
-    // A handful of rows is no measurement, and the fault of its file is reported alone.
-    let implausible = if recording.time_s().len() < MIN_ROWS { Vec::new() } else { recording.implausible() };
-    let drop_outs = recording.drop_outs().map(|drop_outs| drop_outs.to_string());
-    let lines = recording.notes().iter().cloned().chain(implausible).chain(drop_outs);
+    let lines = recording.remarks().into_iter();
     terminal::warnings(false, lines.map(|line| format!("{file}: {}", with_flags(&line))));
 }
 

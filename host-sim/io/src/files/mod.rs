@@ -4,6 +4,7 @@ pub mod amplifier_log;
 pub mod capacitance;
 pub mod digest;
 pub mod drop_outs;
+mod held;
 pub mod import;
 pub mod journal;
 pub mod layout;

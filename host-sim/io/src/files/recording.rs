@@ -11,6 +11,7 @@ use springpot::TemperatureDependence;
 use crate::choice;
 use crate::error::{Error, Result, short};
 use crate::files::digest;
+use crate::files::held::Held;
 use crate::files::import::{Hints, Names, Quantity, Series, Understood, UnderstoodColumn};
 use crate::files::layout::Layout;
 use crate::files::table::{Column, MAX_VALUE, Table};
@@ -87,6 +88,9 @@ const OWN: &[u8] = b"time_s,";
 /// Largest time on the clock of a held recording's first row that is still the time since its load was applied, as a share of
 /// its duration; a recording that begins later was cut out of a longer one.
 const MAX_LEAD: f64 = 0.01;
+
+/// Rows below which values are not judged.
+const MIN_ROWS: usize = 50;
 
 /// Whether `values` are a load that is held: none is further than 1 % from the first.
 fn is_held(values: &[f64]) -> bool {
@@ -191,7 +195,7 @@ impl Recording {
             time_s.iter_mut().for_each(|t| *t += start_s);
         }
         let [voltage_v, force_n, displacement_m, weight, temperature_c] = columns;
-        Self {
+        let mut recording = Self {
             path: path.into(),
             is_file: true,
             time_s,
@@ -201,6 +205,35 @@ impl Recording {
             weight,
             temperature_c,
             understood,
+        };
+        recording.release_held();
+        recording
+    }
+
+    /// Leaves out the readings that repeat the one before, and takes the values of a drive between those that are new, where either was logged
+    /// more slowly than the rows.
+    fn release_held(&mut self) {
+        let is_voltage = self.voltage_v.is_some();
+        let drive = if is_voltage { &mut self.voltage_v } else { &mut self.force_n };
+        let (Some(drive), Some(stroke)) = (drive, &mut self.displacement_m) else { return };
+        let held_drive = Held::new(drive);
+        // Without a voltage the displacement may drive. A film that is driven in coarse steps stays between them.
+        let is_slow = is_voltage && (held_drive.is_some() || Held::stays_behind(stroke, drive));
+        if let Some(held) = Held::new(stroke).filter(|_| is_slow) {
+            *stroke = held.without_repeats(stroke);
+            self.understood.notes.push(format!(
+                "a new reading of the displacement in every {} rows only: those that repeat it are left out; record with the sensor's own rate",
+                held.every
+            ));
+        }
+        let between =
+            held_drive.and_then(|held| Some((held.between(drive, stroke, &self.time_s, is_voltage)?, held.every)));
+        if let Some((between, every)) = between {
+            *drive = between;
+            self.understood.notes.push(format!(
+                "a new value of the drive in every {every} rows only, and the film moves in between: the drive is taken along a curve through \
+                 them; record it as often as the stroke"
+            ));
         }
     }
 
@@ -261,6 +294,14 @@ impl Recording {
     /// Remarks on what was left out, counted or changed as the file was read.
     pub fn notes(&self) -> &[String] {
         &self.understood.notes
+    }
+
+    /// All remarks on its rows: the notes, values that are implausible, and drop-outs.
+    pub fn remarks(&self) -> Vec<String> {
+        // A handful of rows is no measurement, and the fault of its file is reported alone.
+        let implausible = if self.time_s.len() < MIN_ROWS { Vec::new() } else { self.implausible() };
+        let drop_outs = self.drop_outs().map(|drop_outs| drop_outs.to_string());
+        self.notes().iter().cloned().chain(implausible).chain(drop_outs).collect()
     }
 
     /// Times of all rows, s.

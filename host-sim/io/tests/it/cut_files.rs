@@ -12,6 +12,16 @@ impl Noise {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
+
+    /// From 0 to 1.
+    pub fn share(&mut self) -> f64 {
+        0.5 + 0.5 * self.next()
+    }
+
+    /// A number below `count`.
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.share() * count as f64) as usize
+    }
 }
 
 const ROWS: usize = 60;

@@ -5,6 +5,7 @@ mod contradicted_rates;
 mod cut_files;
 mod damaged_files;
 mod grid;
+mod held;
 mod instruments;
 mod lab_files;
 mod misreadings;

@@ -15,8 +15,6 @@ const SHUFFLED: f64 = 0.2;
 const COARSE: f64 = 0.015;
 /// The end of the finding about such readings.
 const STARTS_AGAIN: &str = ": it starts again at the end of a range";
-/// Rows of one reading, and its steps beside the finest.
-const HELD: f64 = 2.0;
 /// Smallest jump from row to row without one of the drive, as a share of the stroke.
 const JUMP: f64 = 0.15;
 /// Part of the fastest cycle over which a reading that is shaken bends, how far beyond what is usual, and as a share of the stroke.
@@ -96,17 +94,7 @@ pub(super) fn judge(
     true
 }
 
-/// Rows for which one of `values` stays in the mean, where they are held and change by more than their resolution.
-fn rows_of_a_value(values: &[f64]) -> Option<f64> {
-    let changes: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let runs: Vec<f64> = changes.split(|change| *change != 0.0).map(|run| run.len() as f64 + 1.0).collect();
-    let moves: Vec<f64> = changes.iter().filter(|change| **change != 0.0).map(|change| change.abs()).collect();
-    let finest = moves.iter().copied().fold(f64::MAX, f64::min);
-    let is_held = median(&runs) >= HELD && median(&moves) > HELD * finest;
-    is_held.then(|| values.len() as f64 / runs.len() as f64)
-}
-
-/// Readings that are held, that start again at the end of a range, or that are shaken, and what to do. `cycles` is the part of the fastest
+/// Readings that start again at the end of a range, or that are shaken, and what to do. `cycles` is the part of the fastest
 /// cycle that a row takes.
 fn disturbance(
     drive: &Samples,
@@ -117,18 +105,6 @@ fn disturbance(
 ) -> Option<(String, &'static str)> {
     let (values, count) = (&measured.value, measured.value.len());
     let volts = drive.at(measured.time_s.iter().copied());
-    if let Some(rows) = rows_of_a_value(values) {
-        return Some((
-            format!("a new reading in every {rows:.0} rows only: a sensor slower than the rows"),
-            "record with the sensor's own rate, or empty the readings that repeat the one before",
-        ));
-    }
-    if let Some(rows) = rows_of_a_value(&drive.value) {
-        return Some((
-            format!("a new value of the drive in every {rows:.0} rows only: it is held, and late by half of them"),
-            "record the drive as often as the stroke, or the stroke no more often than the drive",
-        ));
-    }
     let changes: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let least = (JUMP * stroke).max(10.0 * noise(values));
     let is_jump = |&k: &usize| changes[k].abs() > least && (volts[k + 1] - volts[k]).abs() < 0.03 * peak;

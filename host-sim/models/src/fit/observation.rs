@@ -104,7 +104,7 @@ pub fn observe_prepared(
     check(path, direction, &measured, drive)?;
     let steps: Vec<f64> = drive.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let median_step_s = median(&steps);
-    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let name = name(recording);
     let (rate_hz, uneven) = rate(&steps, median_step_s, drive);
     let rate_hz = rate_hz * steps_per_row(&load(&input), 1.0 / rate_hz, drive);
     let gap = if preparation.gaps == Gaps::Interpolate { gap(&steps, median_step_s, drive) } else { skipped };
@@ -123,6 +123,16 @@ pub fn observe_prepared(
     let sample_weights = sample_weights(recording, &measured, preparation.log_time)?;
     let reading = Reading::default();
     Ok((Observation { name, input, measured, rate_hz, weight, sample_weights, reading, temperature_c }, warnings))
+}
+
+fn name(recording: &Recording) -> String {
+    recording.path().file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Warnings of what the reader remarks on a `recording`.
+pub fn remarks(recording: &Recording) -> impl Iterator<Item = Warning> {
+    let remarks = recording.remarks().into_iter();
+    remarks.map(|remark| Severity::Caution.warning(format!("{}: {remark}", name(recording))))
 }
 
 /// The observations of all `recordings` with weight 1, as of one temperature, without the warnings.

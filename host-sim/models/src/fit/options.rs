@@ -340,8 +340,9 @@ impl FitOptions {
             .map(|(index, recording)| {
                 // The weight is of squared residuals.
                 let weight = weight(index).sqrt();
-                let (mut observation, warnings) =
+                let (mut observation, mut warnings) =
                     observation::observe_prepared(recording, self.drive, weight, preparation)?;
+                warnings.splice(0..0, observation::remarks(recording));
                 // A gain of the first could not be distinguished from the film's stiffness.
                 observation.reading = Reading { own_offset, own_gain: own_gain && index > 0, ..Reading::default() };
                 Ok((observation, warnings))

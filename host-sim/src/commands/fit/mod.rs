@@ -18,7 +18,7 @@ use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
-use crate::fit::observation::Observation;
+use crate::fit::observation::{self, Observation};
 use crate::fit::{self, Fit, FitReport, Settings, Warning};
 use crate::grid::Grid;
 use crate::interrupt;
@@ -76,13 +76,17 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         }
         reports.push(job.run(&settings, direction, reference.as_ref())?);
     }
+    // Those are shown as the recordings are read.
+    let remarks = recordings.iter().flat_map(observation::remarks);
+    let remarks: Vec<String> = remarks.map(|warning| with_flags(&warning.text)).collect();
     for report in &reports {
         let of = if arguments.each {
             report.fit.parameters_file.as_ref().map_or_else(String::new, |file| format!("{file}: "))
         } else {
             String::new()
         };
-        terminal::warnings(json, report.fit.warnings.iter().map(|warning| format!("{of}{warning}")));
+        let later = report.fit.warnings.iter().filter(|warning| !remarks.contains(&warning.text));
+        terminal::warnings(json, later.map(|warning| format!("{of}{warning}")));
     }
     for compression in reports.iter().filter_map(|report| report.fit.compression.as_ref()) {
         terminal::note(compression.text());

@@ -436,11 +436,15 @@ pub(super) const FAULTS: &[Fault] = &[
         let count = random.random_range(20..100);
         run.rows[..count].iter_mut().for_each(|row| row[2] = low + (high - low) * random.random_range(0.0..1.0));
     }),
-    voltage("voltage held between slow updates", &["recorded in steps", "slow monitor"], |run, random| {
-        let every = random.random_range(300..800);
-        let recorded = run.recorded_v.clone();
-        run.recorded_v.iter_mut().enumerate().for_each(|(k, v)| *v = recorded[k / every * every]);
-    })
+    voltage(
+        "voltage held between slow updates",
+        &["recorded in steps", "slow monitor", "a new value of the drive"],
+        |run, random| {
+            let every = random.random_range(300..800);
+            let recorded = run.recorded_v.clone();
+            run.recorded_v.iter_mut().enumerate().for_each(|(k, v)| *v = recorded[k / every * every]);
+        },
+    )
     .of_instrument(),
     voltage("voltage of rounded kilovolts", &["recorded in steps"], |run, random| {
         let step = random.random_range(200.0..700.0);
@@ -457,7 +461,7 @@ pub(super) const FAULTS: &[Fault] = &[
         let range = random.random_range(0.4..0.8);
         run.reading.iter_mut().for_each(|x| *x = x.rem_euclid(range));
     }),
-    rows("sensor slower than the rows", &["slower than the rows"], |run, random| {
+    rows("sensor slower than the rows", &["a new reading"], |run, random| {
         let each = random.random_range(4..40);
         for k in 0..run.rows.len() {
             run.rows[k][2] = run.rows[k - k % each][2];
