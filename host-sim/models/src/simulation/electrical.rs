@@ -1,7 +1,7 @@
 //! The electrical side of a simulated film: capacitance, electrodes, leak and cable on an amplifier, with monitors of voltage and current.
 
 use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
+use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use springpot::{CapacitanceRelation, FilmReading, SelfSensingOptions};
 
@@ -157,7 +157,6 @@ pub struct ElectricalBench<'a> {
     followed_m: [f64; CREEP_S.len()],
     fault: Option<ElectricalFault>,
     random: Pcg64,
-    unit: Normal<f64>,
 }
 
 impl<'a> ElectricalBench<'a> {
@@ -180,8 +179,6 @@ impl<'a> ElectricalBench<'a> {
             followed_m: [0.0; CREEP_S.len()],
             fault: None,
             random: Pcg64::seed_from_u64(seed),
-            // A standard deviation of 1 is always valid.
-            unit: Normal::new(0.0, 1.0).unwrap_or_else(|_| unreachable!("unit normal")),
         }
     }
 
@@ -254,7 +251,8 @@ impl<'a> ElectricalBench<'a> {
         }
         let [bit_v, bit_a] = monitors.bits();
         let mut converted = |value: f64, bit: f64, [low, high]: [f64; 2]| {
-            let noisy = value + monitors.noise_bits * bit * self.unit.sample(&mut self.random);
+            let unit: f64 = StandardNormal.sample(&mut self.random);
+            let noisy = value + monitors.noise_bits * bit * unit;
             ((noisy / bit).round() * bit).clamp(low, high)
         };
         let half_a = 0.5 * monitors.range_a;

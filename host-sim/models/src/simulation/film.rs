@@ -17,7 +17,7 @@ use std::f64::consts::TAU;
 use differential_equations::prelude::{ExplicitRungeKutta, IVP};
 use host_io::choice;
 use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
+use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use springpot::{EPSILON_0, GRAVITY};
 
@@ -274,26 +274,28 @@ impl Default for Instruments {
 pub struct Readings {
     instruments: Instruments,
     random: Pcg64,
-    unit: Normal<f64>,
 }
 
 impl Readings {
     /// Readings of `instruments`; the same seed gives the same noise.
     pub fn new(instruments: Instruments, seed: u64) -> Self {
-        // A standard deviation of 1 is always valid.
-        let unit = Normal::new(0.0, 1.0).unwrap_or_else(|_| unreachable!("unit normal"));
-        Self { instruments, random: Pcg64::seed_from_u64(seed), unit }
+        Self { instruments, random: Pcg64::seed_from_u64(seed) }
     }
 
     /// The displacement sensor's reading (m) at `displacement` (m).
     pub fn displacement_m(&mut self, displacement: f64) -> f64 {
-        let noisy = displacement + self.instruments.displacement_noise_m * self.unit.sample(&mut self.random);
+        let noisy = displacement + self.noise(self.instruments.displacement_noise_m);
         let quantum = self.instruments.displacement_quantum_m;
         if quantum > 0.0 { (noisy / quantum).round() * quantum } else { noisy }
     }
 
     /// The voltage monitor's reading (V) at `voltage` (V).
     pub fn voltage_v(&mut self, voltage: f64) -> f64 {
-        voltage + self.instruments.monitor_noise_v * self.unit.sample(&mut self.random)
+        voltage + self.noise(self.instruments.monitor_noise_v)
+    }
+
+    fn noise(&mut self, rms: f64) -> f64 {
+        let unit: f64 = StandardNormal.sample(&mut self.random);
+        rms * unit
     }
 }

@@ -143,20 +143,15 @@ impl Task {
         match self {
             Self::Step(volts) => {
                 for batch in volts.chunks(BATCH) {
-                    let (steps, cycles) = client.step(batch)?;
-                    comparison.add_cycles(cycles, batch.len());
-                    for (chip, &volts) in steps.iter().zip(batch) {
-                        comparison.add_step(chip, &host.step(volts), step_bits);
-                    }
+                    let here = batch.iter().map(|&volts| host.step(volts));
+                    comparison.add_batch(client.step(batch)?, here, step_bits);
                     progress.inc(batch.len() as u64);
                 }
             }
             Self::Observe(targets) => {
                 for batch in targets.chunks(BATCH) {
-                    let ticks = follow(client, Mode::Voltage, batch, &mut comparison)?;
-                    for (chip, &target) in ticks.iter().zip(batch) {
-                        comparison.add_step(chip, &host.follow(Mode::Voltage, target), followed_bits);
-                    }
+                    let here = batch.iter().map(|&target| host.follow(Mode::Voltage, target));
+                    comparison.add_batch(follow(client, Mode::Voltage, batch)?, here, followed_bits);
                     progress.inc(batch.len() as u64);
                 }
             }
@@ -165,12 +160,8 @@ impl Task {
                 for batch in inputs.chunks(BATCH) {
                     let (codes, here): (Vec<TickCodes>, Vec<Ticked>) =
                         batch.iter().map(|&(volts, metres)| bench.tick(volts, metres)).collect::<Result<_>>()?;
-                    let (there, cycles) = client.tick(Mode::Voltage, &codes)?;
-                    comparison.add_cycles(cycles, batch.len());
-                    for (chip, host) in there.iter().zip(&here) {
-                        comparison.add_step(chip, host, ticked_bits);
-                    }
                     comparison.state = here.last().map(|tick| named(tick.state));
+                    comparison.add_batch(client.tick(Mode::Voltage, &codes)?, here, ticked_bits);
                     progress.inc(batch.len() as u64);
                 }
             }
@@ -275,17 +266,10 @@ impl ProcessorTest {
     }
 }
 
-fn follow(
-    client: &mut Client,
-    mode: Mode,
-    batch: &[Target],
-    comparison: &mut BitComparison,
-) -> Result<heapless::Vec<Followed, BATCH>> {
+/// The ticks of the firmware, and the cycles that they took.
+fn follow(client: &mut Client, mode: Mode, batch: &[Target]) -> Result<(heapless::Vec<Followed, BATCH>, u32)> {
     match client.ask(Command::Follow { mode, targets: batch.iter().copied().collect() })? {
-        Answer::Followed { ticks, cycles } if ticks.len() == batch.len() => {
-            comparison.add_cycles(cycles, batch.len());
-            Ok(ticks)
-        }
+        Answer::Followed { ticks, cycles } if ticks.len() == batch.len() => Ok((ticks, cycles)),
         other => Err(client.unexpected(&other)),
     }
 }
@@ -354,10 +338,10 @@ impl Controller for ChipController<'_> {
         let mut voltage_v = 0.0;
         // After a fault the chip is asked nothing more, and the film is left at 0 V.
         if self.fault.is_none() {
-            match follow(self.client, self.mode, &[target], &mut self.comparison) {
-                Ok(ticks) => {
-                    voltage_v = f64::from(ticks[0].voltage_v);
-                    self.comparison.add_step(&ticks[0], &host, followed_bits);
+            match follow(self.client, self.mode, &[target]) {
+                Ok(chip) => {
+                    voltage_v = f64::from(chip.0[0].voltage_v);
+                    self.comparison.add_batch(chip, [host], followed_bits);
                 }
                 Err(error) => self.fault = Some(error),
             }
@@ -386,17 +370,22 @@ pub struct BitComparison {
 }
 
 impl BitComparison {
-    fn add_cycles(&mut self, cycles: u32, steps: usize) {
-        self.cycles.push(f64::from(cycles) / steps as f64);
-    }
-
-    fn add_step<A: std::fmt::Debug, B: PartialEq>(&mut self, chip: &A, host: &A, bits: fn(&A) -> B) {
-        if bits(chip) != bits(host) {
-            self.mismatches += 1;
-            let place = self.steps;
-            self.first.get_or_insert_with(|| format!("step {place}: {chip:?} on the chip, {host:?} here"));
+    /// Compares a batch that took the chip so many cycles with the host's.
+    fn add_batch<A: std::fmt::Debug, B: PartialEq>(
+        &mut self,
+        (chip, cycles): (heapless::Vec<A, BATCH>, u32),
+        host: impl IntoIterator<Item = A>,
+        bits: fn(&A) -> B,
+    ) {
+        self.cycles.push(f64::from(cycles) / chip.len() as f64);
+        for (chip, host) in chip.iter().zip(host) {
+            if bits(chip) != bits(&host) {
+                self.mismatches += 1;
+                let place = self.steps;
+                self.first.get_or_insert_with(|| format!("step {place}: {chip:?} on the chip, {host:?} here"));
+            }
+            self.steps += 1;
         }
-        self.steps += 1;
     }
 }
 
