@@ -9,7 +9,7 @@ use springpot::{Chain, Compressed, Law, LawOptions, Load, Maxwell, Spring, Sprin
 use super::candidate::Curves;
 use crate::replay::coupling::PullIn;
 use crate::replay::full_memory::FullMemory;
-use crate::replay::nonlinear::{BentFilm, bent_displacement};
+use crate::replay::nonlinear::{BentFilm, bent_displacement, stepped};
 
 /// Memory of the recursion that approximates coupled motion.
 pub(super) type Recursion = Compressed<f64, HEAD, FAST, 0>;
@@ -100,12 +100,10 @@ impl Transfer {
         law: &Law<f64, Recursion>,
         loads: &[Load<f64>],
     ) -> Result<Vec<f64>, PullIn> {
-        // From this slope on a single step of the law has no equilibrium.
-        let steepest = loads.iter().map(|load| load.slope_n_per_m).fold(0.0, f64::max);
-        if steepest >= 0.99 * law.stiffness() {
+        if pulls_in(loads, law.stiffness()) {
             return Err(PullIn);
         }
-        let mut displacement = recursion(law, loads);
+        let mut displacement = stepped(law, loads);
         let mut before = 1.0;
         for _ in 0..MAX_CORRECTIONS {
             let spectrum =
@@ -121,7 +119,7 @@ impl Transfer {
                 })
                 .collect();
             let (mut change, mut size) = (0.0, 0.0);
-            for (x, correction) in displacement.iter_mut().zip(recursion(law, &left)) {
+            for (x, correction) in displacement.iter_mut().zip(stepped(law, &left)) {
                 *x += correction;
                 change += correction * correction;
                 size += *x * *x;
@@ -146,14 +144,12 @@ impl Transfer {
         curves: &Curves,
         loads: &[Load<f64>],
     ) -> Result<Vec<f64>, PullIn> {
-        let steepest = loads.iter().map(|load| load.slope_n_per_m).fold(0.0, f64::max);
-        if steepest >= 0.99 * law.min_stiffness() {
+        if pulls_in(loads, law.min_stiffness()) {
             return Err(PullIn);
         }
         bent_displacement(circle, &self.film(curves), law, loads, TOLERANCE)
     }
 
-    /// The film with `curves` on the circle.
     pub(super) fn film<'a>(&'a self, curves: &'a Curves) -> BentFilm<'a> {
         let Curves { curve, spring } = curves;
         BentFilm { kernel: &self.kernel, inertia: &self.inertia, curve, spring: spring.as_ref() }
@@ -204,10 +200,9 @@ fn recursion_of<const HEAD: usize, const FAST: usize, const SLOW: usize>(
     Law::compressed(model, options).ok()
 }
 
-/// Displacement (m) under `loads`, approximated by the compressed recursion.
-pub(super) fn recursion(law: &Law<f64, Recursion>, loads: &[Load<f64>]) -> Vec<f64> {
-    let mut state = law.state();
-    loads.iter().map(|&load| law.displacement_under(&mut state, load)).collect()
+/// Whether a step of a law of this `stiffness` (N/m) may have no equilibrium under `loads`.
+pub(super) fn pulls_in(loads: &[Load<f64>], stiffness: f64) -> bool {
+    loads.iter().any(|load| load.slope_n_per_m >= 0.99 * stiffness)
 }
 
 /// Points from ζ = radius on that are evaluated themselves: there the circle's radius shows.
@@ -240,7 +235,6 @@ struct Power {
 const MAX_POWERS: usize = 22;
 
 impl Nodes {
-    /// The nodes of `circle`.
     pub(super) fn new(circle: &FullMemory) -> Self {
         let points = circle.ln_s().len();
         let reach = (points.max(DENSE) as f64 / DENSE as f64).ln() * PER_UNIT;

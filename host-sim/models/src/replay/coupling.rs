@@ -37,11 +37,7 @@ pub fn coupled_displacement(
         let force: Vec<f64> =
             loads.iter().zip(&displacement).map(|(load, x)| load.force_n + load.slope_n_per_m * x).collect();
         let next = circle.displacement_from(stiffness, &force);
-        let (mut change, mut size) = (0.0, 0.0);
-        for (before, after) in displacement.iter().zip(&next) {
-            change += (before - after) * (before - after);
-            size += after * after;
-        }
+        let [change, size] = squares(&displacement, &next);
         displacement = next;
         if !implicit {
             return Ok(displacement);
@@ -54,4 +50,12 @@ pub fn coupled_displacement(
         }
     }
     Err(PullIn)
+}
+
+/// Sums of the squares of the change from `before` to `after`, and of `after`.
+pub(super) fn squares(before: &[f64], after: &[f64]) -> [f64; 2] {
+    let add = |[change, size]: [f64; 2], (before, after): (&f64, &f64)| {
+        [change + (before - after) * (before - after), size + after * after]
+    };
+    before.iter().zip(after).fold([0.0; 2], add)
 }

@@ -52,7 +52,6 @@ pub fn plan_after(
     on_memory(parameters.film(), grid, options, inversion)
 }
 
-/// A reference to be inverted.
 struct Inversion<'a> {
     parameters: &'a Parameters,
     history_v: &'a [f64],

@@ -9,7 +9,7 @@
 use num_complex::Complex;
 use springpot::{Compressed, Curve, Law, Load, Spring};
 
-use super::coupling::{PullIn, coupled_displacement};
+use super::coupling::{PullIn, coupled_displacement, squares};
 use super::full_memory::FullMemory;
 use super::in_series::{InSeries, Increments};
 use super::running_memory::RunningMemory;
@@ -187,11 +187,7 @@ pub fn bent_displacement<const HEAD: usize, const FAST: usize, const SLOW: usize
             driven.force_n += load.force_n + load.slope_n_per_m * x - shown;
         }
         let next = stepped(law, &driven);
-        let (mut change, mut size) = (0.0, 0.0);
-        for (before, after) in displacement.iter().zip(&next) {
-            change += (before - after) * (before - after);
-            size += after * after;
-        }
+        let [change, size] = squares(&displacement, &next);
         displacement = next;
         if !size.is_finite() {
             return Err(PullIn);
@@ -207,7 +203,7 @@ pub fn bent_displacement<const HEAD: usize, const FAST: usize, const SLOW: usize
 }
 
 /// Displacements (m) of `law` under `loads`, from rest.
-fn stepped<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+pub fn stepped<const HEAD: usize, const FAST: usize, const SLOW: usize>(
     law: &Law<f64, Compressed<f64, HEAD, FAST, SLOW>>,
     loads: &[Load<f64>],
 ) -> Vec<f64> {

@@ -59,21 +59,10 @@ impl RunningMemory {
         }
         let points = 2 * length;
         let (forward, backward) = (self.planner.forward(points), self.planner.backward(points));
-        let spectrum_of = |values: &[f64]| {
-            let mut time = forward.make_input_vec();
-            time[..values.len()].copy_from_slice(values);
-            let mut spectrum = forward.make_output_vec();
-            forward.process(&mut time, &mut spectrum).expect("lengths are the plan's own");
-            spectrum
-        };
-        let mut product = spectrum_of(&self.increments[now - length..]);
-        let kernel = spectrum_of(&self.relaxation[..points.min(self.relaxation.len())]);
-        product.iter_mut().zip(kernel).for_each(|(value, kernel)| *value *= kernel);
-        // The first and last point of an even transform are real, up to rounding.
-        product[0].im = 0.0;
-        product[length].im = 0.0;
-        let mut time = backward.make_output_vec();
-        backward.process(&mut product, &mut time).expect("lengths are the plan's own");
+        let spectrum = |values: &[f64]| host_fft::spectrum(&*forward, values.iter().copied());
+        let mut product = spectrum(&self.increments[now - length..]);
+        product.iter_mut().zip(spectrum(&self.relaxation)).for_each(|(value, kernel)| *value *= kernel);
+        let time = host_fft::samples(&*backward, product);
         // What wraps around lands in the first half, which belongs to the block itself.
         for (sum, value) in self.past_n[now..now + ahead].iter_mut().zip(&time[length..]) {
             *sum += value / points as f64;

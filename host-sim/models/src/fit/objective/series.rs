@@ -12,22 +12,18 @@
 use springpot::{Law, Load, Spring};
 
 use super::super::candidate::{Candidate, Variable};
-use super::super::transfer::{Nodes, Spectrum, Stepped, Transfer};
+use super::super::transfer::{Nodes, Spectrum, Stepped, Transfer, pulls_in};
 use super::product;
 use crate::replay::full_memory::FullMemory;
 
 /// Displacement and elongation (m) of a film under `loads`; none for pull-in.
 pub(super) fn response(law: &Law<f64, Stepped>, loads: &[Load<f64>]) -> Option<[Vec<f64>; 2]> {
-    let steepest = loads.iter().map(|load| load.slope_n_per_m).fold(0.0, f64::max);
-    if steepest >= 0.99 * law.min_stiffness() {
+    if pulls_in(loads, law.min_stiffness()) {
         return None;
     }
     let mut state = law.state();
-    let (mut displacement, mut elongation) = (Vec::with_capacity(loads.len()), Vec::with_capacity(loads.len()));
-    for &load in loads {
-        displacement.push(law.displacement_under(&mut state, load));
-        elongation.push(state.elongation());
-    }
+    let step = |&load: &Load<f64>| (law.displacement_under(&mut state, load), state.elongation());
+    let (displacement, elongation) = loads.iter().map(step).unzip();
     Some([displacement, elongation])
 }
 
