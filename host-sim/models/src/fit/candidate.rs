@@ -77,9 +77,14 @@ impl Candidate {
         model.chains().flat_map(|chain| chain.elements).copied().collect()
     }
 
+    /// Its spring, if it has one.
+    pub fn elastic_spring(&self) -> Result<Option<Spring>, CurveError> {
+        self.spring.as_ref().map(Elastic::spring).transpose()
+    }
+
     /// Its curves; none for a linear film.
     pub fn curves(&self) -> Result<Option<Curves>, CurveError> {
-        let spring = self.spring.as_ref().map(Elastic::spring).transpose()?;
+        let spring = self.elastic_spring()?;
         Ok(self.bend.curve()?.map(|curve| Curves { curve, spring }))
     }
 
@@ -88,9 +93,9 @@ impl Candidate {
         self.bend == Bend::Straight && self.spring.is_some()
     }
 
-    /// That spring.
+    /// The spring in series with its memory.
     pub fn in_series(&self) -> Result<Option<Spring>, CurveError> {
-        self.spring.as_ref().filter(|_| self.is_in_series()).map(Elastic::spring).transpose()
+        if self.is_in_series() { self.elastic_spring() } else { Ok(None) }
     }
 
     /// The name of its curves in tables.
@@ -213,70 +218,58 @@ impl Variable {
         (0..=2 * branches).flat_map(|element| [Self::Coefficient(element), Self::Order(element)]).collect()
     }
 
-    /// Its value in `candidate`: the logarithm of a quantity that must stay positive.
+    /// The number of `candidate` that it changes, or its logarithm; none where the candidate has none.
+    fn place(self, candidate: &mut Candidate) -> Option<&mut f64> {
+        let Candidate { actuator, elements, offset_m, delay_s, bend, spring, temperature, .. } = candidate;
+        Some(match (self, bend, spring) {
+            (Self::Coefficient(element), ..) => &mut elements[element].c,
+            (Self::Order(element), ..) => &mut elements[element].alpha,
+            (Self::StretchCoupling, ..) => &mut actuator.stretch_coupling,
+            (Self::Share, Bend::Rubber { share, .. }, _) => share,
+            (Self::Limit, Bend::Rubber { ln_limit, .. }, _) => ln_limit.get_or_insert(f64::INFINITY),
+            (Self::FreeLength, Bend::Rubber { ln_length, .. }, _) => ln_length,
+            (Self::Slope(knot), Bend::Free { ln_slopes, .. }, _) => &mut ln_slopes[knot],
+            (Self::Exponent, Bend::Measure { exponent, .. }, _) => exponent,
+            (Self::MeasureLength, Bend::Measure { ln_length, .. }, _) => ln_length,
+            (Self::Steepness(knot), _, Some(Elastic::Free { shares, .. })) => &mut shares[knot],
+            (Self::SeriesStiffness, _, Some(Elastic::Rising(rising))) => &mut rising.ln_stiffness,
+            (Self::SeriesBend, _, Some(Elastic::Rising(rising))) => &mut rising.bend,
+            (Self::Offset, ..) => offset_m,
+            (Self::Delay, ..) => delay_s,
+            (Self::Permittivity, ..) => &mut actuator.relative_permittivity,
+            (Self::Length, ..) => &mut actuator.length_m,
+            (Self::Width, ..) => &mut actuator.width_m,
+            (Self::Thickness, ..) => &mut actuator.thickness_m,
+            (Self::Mass, ..) => &mut actuator.mass_kg,
+            (Self::StiffnessSlope, ..) => &mut temperature.as_mut()?.stiffness_per_k,
+            (Self::Activation, ..) => &mut temperature.as_mut()?.activation_kj_per_mol,
+            _ => return None,
+        })
+    }
+
+    /// Whether a candidate has the quantity itself, which must stay positive, and a fit changes its logarithm.
+    fn is_logarithm(self) -> bool {
+        matches!(
+            self,
+            Self::Coefficient(_) | Self::Permittivity | Self::Length | Self::Width | Self::Thickness | Self::Mass
+        )
+    }
+
+    /// Its value in `candidate`: the logarithm of a quantity that must stay positive. 0 where the candidate has none.
     pub fn get(self, candidate: &Candidate) -> f64 {
-        let actuator = &candidate.actuator;
-        match self {
-            Self::Coefficient(element) => candidate.elements[element].c.ln(),
-            Self::Order(element) => candidate.elements[element].alpha,
-            Self::StretchCoupling => actuator.stretch_coupling,
-            Self::Saturation => actuator.saturation() * PER_KILOVOLT2,
-            Self::Steepness(knot) => match &candidate.spring {
-                Some(Elastic::Free { shares, .. }) => shares[knot],
-                _ => 0.0,
-            },
-            Self::SeriesStiffness | Self::SeriesBend => self.of_series(candidate.spring.as_ref()),
-            _ if self.is_of_bend() => self.of_bend(&candidate.bend),
-            Self::Offset => candidate.offset_m,
-            Self::Delay => candidate.delay_s,
-            Self::Permittivity => actuator.relative_permittivity.ln(),
-            Self::Length => actuator.length_m.ln(),
-            Self::Width => actuator.width_m.ln(),
-            Self::Thickness => actuator.thickness_m.ln(),
-            Self::Mass => actuator.mass_kg.ln(),
-            Self::StiffnessSlope => candidate.temperature.map_or(0.0, |dependence| dependence.stiffness_per_k),
-            Self::Activation => candidate.temperature.map_or(0.0, |dependence| dependence.activation_kj_per_mol),
-            // Of the curve, above.
-            _ => 0.0,
+        if self == Self::Saturation {
+            return candidate.actuator.saturation() * PER_KILOVOLT2;
         }
+        let value = self.place(&mut candidate.clone()).map_or(0.0, |value| *value);
+        if self.is_logarithm() { value.ln() } else { value }
     }
 
     /// Sets it in `candidate`.
     pub fn set(self, candidate: &mut Candidate, value: f64) {
-        let actuator = &mut candidate.actuator;
-        match self {
-            Self::Coefficient(element) => candidate.elements[element].c = value.exp(),
-            Self::Order(element) => candidate.elements[element].alpha = value,
-            Self::StretchCoupling => actuator.stretch_coupling = value,
-            Self::Saturation => {
-                actuator.saturation_v = (value > 0.0).then(|| (PER_KILOVOLT2 / value).sqrt());
-            }
-            Self::Steepness(knot) => {
-                if let Some(Elastic::Free { shares, .. }) = &mut candidate.spring {
-                    shares[knot] = value;
-                }
-            }
-            Self::SeriesStiffness | Self::SeriesBend => {
-                if let Some(Elastic::Rising(rising)) = &mut candidate.spring {
-                    *(if self == Self::SeriesBend { &mut rising.bend } else { &mut rising.ln_stiffness }) = value;
-                }
-            }
-            _ if self.is_of_bend() => self.set_bend(&mut candidate.bend, value),
-            Self::Offset => candidate.offset_m = value,
-            Self::Delay => candidate.delay_s = value,
-            Self::Permittivity => actuator.relative_permittivity = value.exp(),
-            Self::Length => actuator.length_m = value.exp(),
-            Self::Width => actuator.width_m = value.exp(),
-            Self::Thickness => actuator.thickness_m = value.exp(),
-            Self::Mass => actuator.mass_kg = value.exp(),
-            Self::StiffnessSlope => {
-                candidate.temperature.iter_mut().for_each(|dependence| dependence.stiffness_per_k = value);
-            }
-            Self::Activation => {
-                candidate.temperature.iter_mut().for_each(|dependence| dependence.activation_kj_per_mol = value);
-            }
-            // Of the curve, above.
-            _ => {}
+        if self == Self::Saturation {
+            candidate.actuator.saturation_v = (value > 0.0).then(|| (PER_KILOVOLT2 / value).sqrt());
+        } else if let Some(place) = self.place(candidate) {
+            *place = if self.is_logarithm() { value.exp() } else { value };
         }
     }
 
@@ -308,61 +301,19 @@ impl Variable {
         )
     }
 
-    fn of_series(self, spring: Option<&Elastic>) -> f64 {
-        match (self, spring) {
-            (Self::SeriesBend, Some(Elastic::Rising(rising))) => rising.bend,
-            (_, Some(Elastic::Rising(rising))) => rising.ln_stiffness,
-            _ => 0.0,
-        }
-    }
-
-    fn of_bend(self, bend: &Bend) -> f64 {
-        match (self, bend) {
-            (Self::Share, &Bend::Rubber { share, .. }) => share,
-            (Self::Limit, &Bend::Rubber { ln_limit, .. }) => ln_limit.unwrap_or(f64::INFINITY),
-            (Self::FreeLength, &Bend::Rubber { ln_length, .. }) => ln_length,
-            (Self::Slope(knot), Bend::Free { ln_slopes, .. }) => ln_slopes[knot],
-            (Self::Exponent, &Bend::Measure { exponent, .. }) => exponent,
-            (Self::MeasureLength, &Bend::Measure { ln_length, .. }) => ln_length,
-            _ => 0.0,
-        }
-    }
-
-    fn set_bend(self, bend: &mut Bend, value: f64) {
-        match (self, bend) {
-            (Self::Share, Bend::Rubber { share, .. }) => *share = value,
-            (Self::Limit, Bend::Rubber { ln_limit, .. }) => *ln_limit = Some(value),
-            (Self::FreeLength, Bend::Rubber { ln_length, .. }) => *ln_length = value,
-            (Self::Slope(knot), Bend::Free { ln_slopes, .. }) => ln_slopes[knot] = value,
-            (Self::Exponent, Bend::Measure { exponent, .. }) => *exponent = value,
-            (Self::MeasureLength, Bend::Measure { ln_length, .. }) => *ln_length = value,
-            _ => {}
-        }
-    }
-
     /// The quantity itself, in SI units.
     pub fn natural(self, candidate: &Candidate) -> f64 {
         let value = self.get(candidate);
-        match self {
-            Self::Order(_)
-            | Self::StretchCoupling
-            | Self::Offset
-            | Self::Delay
-            | Self::Share
-            | Self::Exponent
-            | Self::StiffnessSlope
-            | Self::Activation => value,
-            Self::Steepness(_) => match &candidate.spring {
-                Some(Elastic::Free { stiffness_n_per_m, .. }) => value * stiffness_n_per_m,
-                _ => value,
-            },
-            Self::Saturation => candidate.actuator.saturation_v.unwrap_or(f64::INFINITY),
+        match (self, &candidate.spring) {
+            (Self::Steepness(_), Some(Elastic::Free { stiffness_n_per_m, .. })) => value * stiffness_n_per_m,
             // 1/m².
-            Self::SeriesBend => match &candidate.spring {
-                Some(Elastic::Rising(rising)) => value / (rising.length_m * rising.length_m),
-                _ => value,
-            },
-            _ => value.exp(),
+            (Self::SeriesBend, Some(Elastic::Rising(rising))) => value / (rising.length_m * rising.length_m),
+            (Self::Saturation, _) => candidate.actuator.saturation_v.unwrap_or(f64::INFINITY),
+            (Self::Limit | Self::FreeLength | Self::Slope(_) | Self::MeasureLength | Self::SeriesStiffness, _) => {
+                value.exp()
+            }
+            _ if self.is_logarithm() => value.exp(),
+            _ => value,
         }
     }
 

@@ -3,7 +3,6 @@
 use host_io::choice::Choice;
 use toml::{Table, Value};
 
-use super::bend::Elastic;
 use super::candidate::Candidate;
 use super::{Fit, Settings, Uncertainty, Warning};
 use crate::agreement::Agreement;
@@ -29,13 +28,7 @@ impl Fit {
         let names: Vec<String> = recordings.iter().map(name).collect();
         let mut parameters = Parameters {
             curve: self.candidate.bend.elastic().map_err(springpot::LawError::from)?,
-            spring: self
-                .candidate
-                .spring
-                .as_ref()
-                .map(Elastic::spring)
-                .transpose()
-                .map_err(springpot::LawError::from)?,
+            spring: self.candidate.elastic_spring().map_err(springpot::LawError::from)?,
             temperature: self.candidate.temperature,
             method: springpot::Discretisation::Gl,
             name: format!("fit to {}", names.join(", ")),
@@ -55,11 +48,9 @@ impl Fit {
             })?;
         }
         let refit = |refit: &Candidate| {
-            let curve = refit.bend.elastic().ok()?;
-            let spring = refit.spring.as_ref().map(Elastic::spring).transpose().ok()?;
             let film = Parameters {
-                curve,
-                spring,
+                curve: refit.bend.elastic().ok()?,
+                spring: refit.elastic_spring().ok()?,
                 actuator: refit.actuator,
                 model: refit.model().ok()?,
                 temperature: refit.temperature,

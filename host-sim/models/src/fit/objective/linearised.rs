@@ -344,43 +344,31 @@ impl<'a> Linearised<'a> {
     /// The force whose response is the derivative of the displacement: ∂F/∂v − ∂(m s² x + K T(x))/∂v for the variable v, as a
     /// spectrum.
     fn force_derivative(&self, variable: Variable) -> Option<Spectrum> {
-        let x = self.series;
-        match &self.record.drive {
-            DriveSpectra::Displacement { .. } => None,
-            DriveSpectra::Force { .. } => {
-                let change = self.stiffness_change(&self.shared.displacement, variable)?;
-                Some(change.iter().map(|change| -change).collect())
-            }
-            DriveSpectra::Voltage { squared, ones, .. } => {
-                let actuator = &self.candidate.actuator;
-                let scale = actuator.force_per_square_volt();
-                let electrostatic = |factor: &dyn Fn(f64, f64) -> f64| {
-                    let force: Vec<f64> = squared.iter().zip(x).map(|(&v2, &x)| scale * factor(v2, x)).collect();
-                    self.circle.spectrum(&force)
-                };
-                match (variable, variable.force_exponent()) {
-                    (Variable::StretchCoupling, _) => Some(electrostatic(&|v2, x| actuator.saturated(v2) * x)),
-                    (Variable::Saturation, _) => {
-                        // In 1/kV².
-                        Some(electrostatic(&|v2, x| -1e-6 * actuator.saturated(v2).powi(2) * actuator.force_growth(x)))
-                    }
-                    (_, Some(exponent)) => {
-                        Some(electrostatic(&|v2, x| exponent * actuator.saturated(v2) * actuator.force_growth(x)))
-                    }
-                    _ => {
-                        let mut force: Spectrum = self
-                            .stiffness_change(&self.shared.displacement, variable)?
-                            .iter()
-                            .map(|change| -change)
-                            .collect();
-                        if variable == Variable::Mass {
-                            let weight = actuator.preload_n();
-                            force.iter_mut().zip(ones).for_each(|(f, one)| *f += one * weight);
-                        }
-                        Some(force)
-                    }
+        let actuator = &self.candidate.actuator;
+        if let DriveSpectra::Voltage { squared, .. } = &self.record.drive {
+            let scale = actuator.force_per_square_volt();
+            let electrostatic = |factor: &dyn Fn(f64, f64) -> f64| {
+                let force = squared.iter().zip(self.series).map(|(&v2, &x)| scale * factor(v2, x));
+                Some(self.circle.spectrum(&force.collect::<Vec<f64>>()))
+            };
+            match (variable, variable.force_exponent()) {
+                (Variable::StretchCoupling, _) => return electrostatic(&|v2, x| actuator.saturated(v2) * x),
+                (Variable::Saturation, _) => {
+                    // In 1/kV².
+                    return electrostatic(&|v2, x| -1e-6 * actuator.saturated(v2).powi(2) * actuator.force_growth(x));
                 }
+                (_, Some(exponent)) => {
+                    return electrostatic(&|v2, x| exponent * actuator.saturated(v2) * actuator.force_growth(x));
+                }
+                _ => {}
             }
         }
+        let change = self.stiffness_change(&self.shared.displacement, variable)?;
+        let mut force: Spectrum = change.iter().map(|change| -change).collect();
+        if let (Variable::Mass, DriveSpectra::Voltage { ones, .. }) = (variable, &self.record.drive) {
+            let weight = actuator.preload_n();
+            force.iter_mut().zip(ones).for_each(|(f, one)| *f += one * weight);
+        }
+        Some(force)
     }
 }
