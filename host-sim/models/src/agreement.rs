@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::statistics::{mean, range};
+
 /// Measures of agreement between measured and modelled samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Agreement {
@@ -20,11 +22,10 @@ impl Agreement {
     pub fn new(measured: &[f64], modelled: &[f64]) -> Self {
         let samples = measured.len();
         let n = samples as f64;
-        let mean = measured.iter().sum::<f64>() / n;
+        let mean = mean(measured);
         let total: f64 = measured.iter().map(|y| (y - mean).powi(2)).sum();
         let residual: f64 = measured.iter().zip(modelled).map(|(y, x)| (y - x).powi(2)).sum();
-        let (low, high) =
-            measured.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &y| (low.min(y), high.max(y)));
+        let (low, high) = range(measured);
         let rmse = (residual / n).sqrt();
         // A change so small that its square is 0 counts as no change.
         let changes = high > low && total > 0.0;
@@ -42,9 +43,14 @@ pub fn mean_r2(agreements: &[Agreement]) -> f64 {
     agreements.iter().map(|agreement| agreement.r2).sum::<f64>() / agreements.len() as f64
 }
 
+/// Mean of NRMSE over recordings, each counted alike, %.
+pub fn mean_nrmse_pct(agreements: &[Agreement]) -> f64 {
+    agreements.iter().map(|agreement| agreement.nrmse_pct).sum::<f64>() / agreements.len() as f64
+}
+
 /// RMS of the difference of two series over the standard deviation of the second.
 pub fn relative_rms(series: &[f64], reference: &[f64]) -> f64 {
-    let mean = reference.iter().sum::<f64>() / reference.len() as f64;
+    let mean = mean(reference);
     let spread: f64 = reference.iter().map(|y| (y - mean).powi(2)).sum();
     let difference: f64 = series.iter().zip(reference).map(|(x, y)| (x - y).powi(2)).sum();
     (difference / spread).sqrt()

@@ -8,7 +8,7 @@
 //! | [`fit`], [`amplifier`] | the parameters of the model from recordings, and of an amplifier from logs |
 //! | [`simulation`] | a simulated nonlinear film, controllers that make it follow a reference, the firmware in the loop |
 //! | [`replay`] | recordings and references through a model: the code that a microcontroller steps, or its exact full-memory reference |
-//! | [`agreement`], [`references`], [`reduce`], [`spectrum`] | measures of agreement, references to follow, smaller models with the same response, spectra |
+//! | [`agreement`], [`references`], [`reduce`], [`spectrum`], [`statistics`] | measures of agreement, references to follow, smaller models with the same response, spectra and statistics of series |
 //!
 //! Imports point downwards, without a circle, and to [`host_io`] for files, series and errors.
 #![forbid(unsafe_code)]
@@ -27,6 +27,7 @@ pub mod references;
 pub mod replay;
 pub mod simulation;
 pub mod spectrum;
+pub mod statistics;
 pub mod studies;
 
 use host_io::{error, files, grid, link, progress, quantity};

@@ -41,6 +41,16 @@ impl Criterion {
         }
         Ok(())
     }
+
+    /// s = 2πif at twenty frequencies per decade.
+    fn places(&self) -> Vec<Complex<f64>> {
+        let (low, high) = (self.from_hz.log10(), self.to_hz.log10());
+        let count = ((high - low) * 20.0).ceil().max(1.0) as usize;
+        (0..=count)
+            .map(|k| 10f64.powf(low + (high - low) * k as f64 / count as f64))
+            .map(|frequency| Complex::new(0.0, std::f64::consts::TAU * frequency))
+            .collect()
+    }
 }
 
 /// `parameters` with the smallest model that agrees within `criterion`, and how it was found. Intervals of the elements are left out.
@@ -115,18 +125,6 @@ pub fn reduced(model: &Maxwell, criterion: Criterion) -> std::result::Result<Red
         .map(|&s| (reduced.modulus(s) - model.modulus(s)).norm() / model.modulus(s).norm())
         .fold(0.0, f64::max);
     Ok(Reduction { model: reduced, steps, change })
-}
-
-impl Criterion {
-    /// s = 2πif at twenty frequencies per decade.
-    fn places(&self) -> Vec<Complex<f64>> {
-        let (low, high) = (self.from_hz.log10(), self.to_hz.log10());
-        let count = ((high - low) * 20.0).ceil().max(1.0) as usize;
-        (0..=count)
-            .map(|k| 10f64.powf(low + (high - low) * k as f64 / count as f64))
-            .map(|frequency| Complex::new(0.0, std::f64::consts::TAU * frequency))
-            .collect()
-    }
 }
 
 /// The model of `main` in parallel to `chains`.
@@ -227,10 +225,6 @@ fn drop_soft(
 }
 
 /// The same model with the more elastic springpot of every branch first, and branches from fast to slow.
-///
-/// # Errors
-///
-/// None for a valid model.
 pub fn ordered(model: &Maxwell) -> std::result::Result<Maxwell, ModelError> {
     let mut branches: Vec<[Springpot; 2]> = model.branches().to_vec();
     for pair in &mut branches {

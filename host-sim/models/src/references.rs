@@ -4,13 +4,14 @@ use std::f64::consts::TAU;
 
 use host_io::choice;
 use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
+use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
 use crate::error::{Error, Result};
 use crate::files::recording::Recording;
 use crate::grid::Grid;
 use crate::quantity::positive;
+use crate::statistics::{self, range};
 
 /// The displacement of `recording` as a reference, on its grid at `rate_hz`.
 ///
@@ -61,7 +62,6 @@ pub struct Reference {
     pub seed: u64,
 }
 
-/// Largest number of samples of a reference.
 const MAX_SAMPLES: usize = 20_000_000;
 /// The longest period, s. A random walk runs for twenty periods before its first sample.
 const MAX_PERIOD_S: f64 = 1e5;
@@ -105,9 +105,7 @@ impl Reference {
             ));
         }
         for (option, value) in [("period_s", period_s), ("rise_s", rise_s)] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(Error::field(option, format!("{value:?} must be finite and greater than 0")));
-            }
+            positive(option, value)?;
         }
         if !(2.0 * grid.step_s()..=MAX_PERIOD_S).contains(&period_s) {
             let cause = format!("{period_s:?} s must be from two samples to {MAX_PERIOD_S} s");
@@ -154,13 +152,12 @@ impl Reference {
     /// Noise through four low-passes, scaled into the range.
     fn random_walk(&self, grid: Grid) -> Vec<f64> {
         let mut random = Pcg64::seed_from_u64(self.seed);
-        let unit = Normal::new(0.0, 1.0).unwrap_or_else(|_| unreachable!("unit normal"));
         let share = -(-TAU * grid.step_s() / self.period_s).exp_m1();
         let mut stages = [0.0; 4];
         let warm_up = (20.0 * self.period_s * grid.rate_hz) as usize;
         let mut walk = Vec::with_capacity(grid.samples);
         for k in 0..warm_up + grid.samples {
-            let mut input: f64 = unit.sample(&mut random);
+            let mut input: f64 = StandardNormal.sample(&mut random);
             for stage in &mut stages {
                 *stage += share * (input - *stage);
                 input = *stage;
@@ -169,7 +166,7 @@ impl Reference {
                 walk.push(input);
             }
         }
-        let (low, high) = walk.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
+        let (low, high) = range(&walk);
         let rise = self.rise_s;
         let scaled = walk.iter().map(|x| self.low_m + (self.high_m - self.low_m) * (x - low) / (high - low));
         scaled.enumerate().map(|(k, x)| x * minimum_jerk(grid.time_s(k) / rise)).collect()
@@ -207,7 +204,7 @@ pub struct Periods {
 impl Periods {
     /// The shortest period of `series` that holds for its last half, and how far back it holds; at least two periods.
     pub fn from_series(series: &[f64]) -> Option<Self> {
-        let (low, high) = series.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
+        let (low, high) = range(series);
         let tolerance = 1e-3 * (high - low);
         if series.len() < 8 || tolerance <= 0.0 {
             return None;
@@ -243,7 +240,7 @@ impl Periods {
 
     /// Mean of the last full period of `series` minus that of the first.
     pub fn drift(&self, series: &[f64]) -> f64 {
-        let mean = |from: usize| series[from..from + self.length].iter().sum::<f64>() / self.length as f64;
+        let mean = |from: usize| statistics::mean(&series[from..from + self.length]);
         mean(self.start + (self.count - 1) * self.length) - mean(self.start)
     }
 }

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use host_fft::Planner;
 
 use crate::grid::{Grid, Samples};
+use crate::statistics::mean;
 
-/// Most samples of a transform.
 const MAX_SAMPLES: usize = 262_144;
 /// Points of a drawn spectrum, evenly spaced on a logarithmic axis.
 const POINTS: usize = 160;
@@ -34,7 +34,7 @@ impl Spectrum {
             }
             let count = lines.len() as f64;
             frequency_hz.push(step_hz * (lines.start as f64 + 0.5 * (count - 1.0)));
-            density.push((power[lines].iter().sum::<f64>() / count).sqrt());
+            density.push(mean(&power[lines]).sqrt());
         }
         Some(Self { frequency_hz, density })
     }
@@ -61,15 +61,13 @@ fn power(samples: &Samples) -> Option<(Vec<f64>, f64)> {
     let even = Grid::covering(duration_s, own_hz).ok()?.resample(&from_zero);
     // Of too many samples the means of a few: noise above half of their rate does not fold into the band below.
     let few = even.len().div_ceil(MAX_SAMPLES);
-    let even: Vec<f64> = even.chunks_exact(few).map(|chunk| chunk.iter().sum::<f64>() / few as f64).collect();
+    let even: Vec<f64> = even.chunks_exact(few).map(mean).collect();
     let rate_hz = own_hz / few as f64;
-    let mean = even.iter().sum::<f64>() / even.len() as f64;
+    let mean = mean(&even);
     let plan = Planner::new().forward(even.len());
     // Hann's window keeps what is strong at one frequency from the others.
     let window = |k: usize| 0.5 - 0.5 * (TAU * k as f64 / even.len() as f64).cos();
-    let mut time: Vec<f64> = even.iter().enumerate().map(|(k, value)| window(k) * (value - mean)).collect();
-    let mut lines = plan.make_output_vec();
-    plan.process(&mut time, &mut lines).ok()?;
+    let lines = host_fft::spectrum(&*plan, even.iter().enumerate().map(|(k, value)| window(k) * (value - mean)));
     let squares: f64 = (0..even.len()).map(|k| window(k).powi(2)).sum();
     let power = lines.iter().map(|line| 2.0 * line.norm_sqr() / (rate_hz * squares)).collect();
     Some((power, rate_hz / even.len() as f64))

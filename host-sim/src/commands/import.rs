@@ -13,8 +13,8 @@ use crate::error::{Error, Result, shown};
 use crate::files::import::{Blank, By, Edits, Hints, Quantity, Series, Understood, UnderstoodColumn};
 use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::recording::Recording;
-use crate::fit::statistics::median;
 use crate::quantity;
+use crate::statistics::median;
 use crate::terminal::{self, rounded};
 
 #[derive(Debug, Args)]

@@ -3,6 +3,7 @@
 use springpot::{AmplifierLag, AmplifierModel};
 
 use crate::files::amplifier_log::AmplifierLog;
+use crate::statistics::{differences, median};
 
 /// How the voltage falls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +26,6 @@ pub(super) struct Command<'a> {
     jump_v: Vec<f64>,
     /// Which shift is that of the row's jump.
     shift: Vec<usize>,
-    /// The number of shifts.
     pub(super) shifts: usize,
     /// The median of the row intervals, s.
     pub(super) interval_s: f64,
@@ -66,9 +66,8 @@ impl<'a> Command<'a> {
                 this
             })
             .collect();
-        let mut intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        intervals.sort_by(f64::total_cmp);
-        Self { time_s, command_v, jump_v, shift, shifts, interval_s: intervals[intervals.len() / 2] }
+        let intervals: Vec<f64> = differences(time_s).collect();
+        Self { time_s, command_v, jump_v, shift, shifts, interval_s: median(&intervals) }
     }
 
     /// The voltage (V) at every row, from `start_v` at the first; none for a lag that is no amplifier's.

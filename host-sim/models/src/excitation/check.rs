@@ -3,14 +3,15 @@
 use serde::Serialize;
 
 use super::drive::{DriveFacts, HOLD_S, distinct};
+use super::finding::Severity::{Prevents, Weakens};
 pub use super::finding::{Finding, Severity};
 use super::rows;
 use crate::error::shown;
 use crate::files::recording::{Direction, Input, Recording};
 use crate::fit::explained::Course;
-use crate::fit::statistics::{median, range};
 use crate::fit::{self, faults, observation};
 use crate::grid::Samples;
+use crate::statistics::{differences, median, noise, range, sorted};
 
 /// The findings about recordings.
 #[derive(Clone, Debug, Serialize)]
@@ -72,15 +73,15 @@ pub fn check(recordings: &[Recording]) -> Report {
         of_faults(recordings, &facts, &mut findings);
     }
     findings.sort_by_key(|finding| finding.severity);
-    let identifies = findings.iter().all(|finding| finding.severity != Severity::Prevents);
+    let identifies = findings.iter().all(|finding| finding.severity != Prevents);
     Report { identifies, recordings: facts, findings }
 }
 
 /// Values that are implausible, before what results from them, and what the reader left out.
 fn of_values(recording: &Recording, findings: &mut Vec<Finding>) {
-    let implausible = recording.implausible().into_iter().map(|finding| (Severity::Prevents, finding));
+    let implausible = recording.implausible().into_iter().map(|finding| (Prevents, finding));
     let drop_outs = recording.drop_outs().map(|drop_outs| drop_outs.to_string());
-    let notes = recording.notes().iter().cloned().chain(drop_outs).map(|note| (Severity::Weakens, note));
+    let notes = recording.notes().iter().cloned().chain(drop_outs).map(|note| (Weakens, note));
     let file = shown(recording.path());
     findings.extend(implausible.chain(notes).map(|(severity, finding)| Finding {
         severity,
@@ -90,12 +91,11 @@ fn of_values(recording: &Recording, findings: &mut Vec<Finding>) {
     }));
 }
 
-/// Copies of recordings.
 fn of_copies(recordings: &[Recording], findings: &mut Vec<Finding>) {
     let observed = |recording| observation::observe(recording, Direction::Force, 1.0).ok();
     let observations: Vec<_> = recordings.iter().filter_map(observed).map(|(observation, _)| observation).collect();
     if let Some(finding) = fit::repeated(&observations) {
-        findings.push(Finding { severity: Severity::Prevents, file: None, finding, advice: String::new() });
+        findings.push(Finding { severity: Prevents, file: None, finding, advice: String::new() });
     }
 }
 
@@ -108,7 +108,7 @@ fn of_faults(recordings: &[Recording], facts: &[Facts], findings: &mut Vec<Findi
     let comparable: Vec<&Recording> = recordings.iter().filter(is_comparable).collect();
     let temperature_c = |recording: &&Recording| recording.mean_temperature_c().ok()?;
     for fault in faults::faults_at_temperatures(&comparable, temperature_c, |recording| course(recording), fastest_hz) {
-        let severity = if fault.size > faults::SERIOUS { Severity::Prevents } else { Severity::Weakens };
+        let severity = if fault.size > faults::SERIOUS { Prevents } else { Weakens };
         findings.push(Finding { severity, file: fault.file, finding: fault.finding, advice: fault.advice.into() });
     }
 }
@@ -121,17 +121,17 @@ fn of_all(facts: &[Facts], findings: &mut Vec<Finding>) {
     let mut add = |severity, finding: String, advice: &str| {
         findings.push(Finding { severity, file: None, finding, advice: advice.into() });
     };
-    let frequencies = distinct(facts.iter().flat_map(|facts| facts.drive.frequencies_hz.clone()).collect());
-    let amplitudes = distinct(facts.iter().flat_map(|facts| facts.drive.amplitudes.clone()).collect());
+    let frequencies = distinct(facts.iter().flat_map(|facts| facts.drive.frequencies_hz.clone()));
+    let amplitudes = distinct(facts.iter().flat_map(|facts| facts.drive.amplitudes.clone()));
     let hold_s = facts.iter().map(|facts| facts.drive.hold_s).fold(0.0, f64::max);
     match frequencies.as_slice() {
         [] if hold_s < HOLD_S => add(
-            Severity::Prevents,
+            Prevents,
             "no full cycle and no hold of 10 s".into(),
             "record sines of two or three frequencies for minutes, and a hold (the command profile makes them)",
         ),
         [] => add(
-            Severity::Weakens,
+            Weakens,
             if facts.iter().all(|facts| facts.driven_by == "displacement") {
                 format!(
                     "a hold of {hold_s:.0} s and no cycle: relaxation at one displacement only (fit with `drive` displacement)"
@@ -142,14 +142,14 @@ fn of_all(facts: &[Facts], findings: &mut Vec<Finding>) {
             "record sines of two or three frequencies of the band that you will use as well",
         ),
         [one] if hold_s < HOLD_S && amplitudes.len() < 2 => add(
-            Severity::Prevents,
+            Prevents,
             format!(
                 "one frequency ({one:.3} Hz) at one amplitude, and no hold: the orders of the springpots stay open"
             ),
             "record a second frequency, or a hold of 60 s, and a second amplitude, half as large",
         ),
         [one] => add(
-            Severity::Weakens,
+            Weakens,
             format!("one frequency only ({one:.3} Hz)"),
             "record a second one, two or three times as fast or as slow",
         ),
@@ -157,7 +157,7 @@ fn of_all(facts: &[Facts], findings: &mut Vec<Finding>) {
     }
     if amplitudes.len() == 1 && !frequencies.is_empty() {
         add(
-            Severity::Weakens,
+            Weakens,
             "one amplitude only: creep and stiffening look alike there".into(),
             "record a second amplitude, half as large",
         );
@@ -166,7 +166,7 @@ fn of_all(facts: &[Facts], findings: &mut Vec<Finding>) {
     let longest_s = facts.iter().map(|facts| facts.duration_s).fold(0.0, f64::max);
     if slowest_s > 0.0 && hold_s < HOLD_S && longest_s < 5.0 * slowest_s {
         add(
-            Severity::Weakens,
+            Weakens,
             format!(
                 "{longest_s:.0} s are {:.1} periods of the slowest cycle: creep over minutes is not seen",
                 longest_s / slowest_s
@@ -201,7 +201,7 @@ impl Facts {
         let drive = match drive {
             Ok(drive) => drive,
             Err(error) => {
-                add(Severity::Prevents, error.to_string(), "record the voltage on the electrodes in every row");
+                add(Prevents, error.to_string(), "record the voltage on the electrodes in every row");
                 return None;
             }
         };
@@ -211,14 +211,9 @@ impl Facts {
             Input::Displacement(_) => ("displacement", "m"),
         };
         let facts = DriveFacts::new(drive.samples());
-        let steps: Vec<f64> = recording.time_s().windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let rate_hz = 1.0 / median(&steps);
+        let rate_hz = 1.0 / median(&differences(recording.time_s()).collect::<Vec<f64>>());
         if facts.peak == 0.0 {
-            add(
-                Severity::Prevents,
-                format!("the {driven_by} is 0 throughout"),
-                "name the column of the voltage on the film",
-            );
+            add(Prevents, format!("the {driven_by} is 0 throughout"), "name the column of the voltage on the film");
             return None;
         }
         judge_drive(driven_by, unit, &facts, (&drive, rate_hz, recording.duration_s()), &mut add);
@@ -254,11 +249,7 @@ impl Facts {
                     row.is_comparable = rows::judge(drive.samples(), row.drive.peak, &measured, fastest_hz, &mut add);
                 }
             }
-            None => add(
-                Severity::Prevents,
-                "no displacement".into(),
-                "record the stroke beside the voltage, or name its column",
-            ),
+            None => add(Prevents, "no displacement".into(), "record the stroke beside the voltage, or name its column"),
         }
         if row.displacement_m.is_some() {
             judge_as_fit(recording, direction, &mut add);
@@ -272,8 +263,7 @@ impl Facts {
     /// Judges the `measured` displacement, whose drop-outs may be `coded_m`.
     fn judge(&mut self, measured: &Samples, coded_m: Option<f64>, add: &mut impl FnMut(Severity, String, &str)) {
         let values = &measured.value;
-        let mut sorted = values.clone();
-        sorted.sort_by(f64::total_cmp);
+        let sorted = sorted(values.iter().copied());
         let at = |share: f64| sorted[((sorted.len() - 1) as f64 * share).round() as usize];
         // Without the outermost hundredth at both ends, which drop-outs may be.
         let (low, high) = (at(0.01), at(0.99));
@@ -281,7 +271,7 @@ impl Facts {
         self.displacement_m = Some([low, high]);
         self.start_m = values.first().copied();
         // A third of the stroke, and more than noise.
-        let jump = (0.3 * stroke).max(6.0 * rows::noise(values));
+        let jump = (0.3 * stroke).max(6.0 * noise(values));
         let is_outlier = |&k: &usize| {
             let far = values[k] > high + stroke || values[k] < low - stroke;
             let jumps = k > 0 && k + 1 < values.len() && {
@@ -296,21 +286,17 @@ impl Facts {
         // Those of one number have a line already.
         if !outliers.is_empty() {
             add(
-                Severity::Weakens,
+                Weakens,
                 format!("{} readings of the sensor jump by more than a third of the stroke: drop-outs", outliers.len()),
                 "empty them with import `blank`, or fit with `loss` huber",
             );
         }
         if 10 * self.empty > self.rows {
             let finding = format!("{} of {} rows have no reading", self.empty, self.rows);
-            add(Severity::Weakens, finding, "check the sensor's range and its target");
+            add(Weakens, finding, "check the sensor's range and its target");
         }
         if self.start_m.is_some_and(|start| start - low > 0.5 * stroke && self.drive.rest_s > 0.0) {
-            add(
-                Severity::Weakens,
-                UPPER_HALF.into(),
-                "rest for ten minutes before recording, and check the sensor's sign",
-            );
+            add(Weakens, UPPER_HALF.into(), "rest for ten minutes before recording, and check the sensor's sign");
         }
     }
 }
@@ -328,18 +314,18 @@ fn judge_drive(
         // A held load: the step itself is left out.
     } else if first > 0.2 * facts.peak {
         add(
-            Severity::Prevents,
+            Prevents,
             format!(
                 "the {driven_by} is {first:.4} {unit} in the first row: what the film remembers of before is not known"
             ),
             RECORD_REST,
         );
     } else if first > 0.02 * facts.peak {
-        add(Severity::Weakens, format!("the {driven_by} is {first:.4} {unit} in the first row"), RECORD_REST);
+        add(Weakens, format!("the {driven_by} is {first:.4} {unit} in the first row"), RECORD_REST);
     }
     let fastest = facts.frequencies_hz.last().copied().unwrap_or(0.0);
     if fastest > 0.0 && rate_hz < 20.0 * fastest {
-        let severity = if rate_hz < 8.0 * fastest { Severity::Prevents } else { Severity::Weakens };
+        let severity = if rate_hz < 8.0 * fastest { Prevents } else { Weakens };
         let finding = format!("{:.1} rows per cycle of {fastest:.3} Hz", rate_hz / fastest);
         add(severity, finding, "record at 20 rows per cycle at least; 100 Hz serves well");
     }
@@ -351,8 +337,8 @@ fn judge_as_fit(recording: &Recording, direction: Direction, add: &mut impl FnMu
         Ok((_, warnings)) => {
             for warning in warnings {
                 let severity = match warning.severity {
-                    fit::Severity::Serious => Severity::Prevents,
-                    fit::Severity::Caution | fit::Severity::Note => Severity::Weakens,
+                    fit::Severity::Serious => Prevents,
+                    fit::Severity::Caution | fit::Severity::Note => Weakens,
                 };
                 // The finding names its file by itself.
                 let name = recording.path().file_name().unwrap_or_default().to_string_lossy();
@@ -360,6 +346,6 @@ fn judge_as_fit(recording: &Recording, direction: Direction, add: &mut impl FnMu
                 add(severity, text.unwrap_or(&warning.text).to_owned(), "");
             }
         }
-        Err(error) => add(Severity::Prevents, error.to_string(), "record at least a full cycle"),
+        Err(error) => add(Prevents, error.to_string(), "record at least a full cycle"),
     }
 }

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::grid::Samples;
+use crate::statistics::sorted;
 
 /// A drive below this share of its peak is at rest.
 const REST: f64 = 0.02;
@@ -51,10 +52,10 @@ impl DriveFacts {
         let rest_s = begins.map_or(0.0, |k| time[k.saturating_sub(1)] - first);
         let cycles = cycles(time, &size, peak);
         let (hold_s, held_at) = longest_hold(time, &size, peak, &cycles);
-        let frequencies_hz = distinct(cycles.iter().map(|cycle| 1.0 / cycle.period_s).collect());
+        let frequencies_hz = distinct(cycles.iter().map(|cycle| 1.0 / cycle.period_s));
         // A hold is an amplitude as well.
         let held_at = held_at.filter(|_| hold_s >= HOLD_S);
-        let amplitudes = distinct(cycles.iter().map(|cycle| cycle.peak).chain(held_at).collect());
+        let amplitudes = distinct(cycles.iter().map(|cycle| cycle.peak).chain(held_at));
         Self { peak, rest_s, cycles, frequencies_hz, amplitudes, hold_s }
     }
 }
@@ -116,10 +117,9 @@ fn longest_hold(time: &[f64], size: &[f64], peak: f64, cycles: &[Cycle]) -> (f64
 }
 
 /// Values that differ by a fifth at least, rising.
-pub fn distinct(mut values: Vec<f64>) -> Vec<f64> {
-    values.sort_by(f64::total_cmp);
+pub fn distinct(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     let mut kept: Vec<f64> = Vec::new();
-    for value in values {
+    for value in sorted(values) {
         if kept.last().is_none_or(|last| value > 1.2 * last) {
             kept.push(value);
         }

@@ -2,10 +2,9 @@
 
 use host_fft::Planner;
 
-use super::finding::Severity;
-pub(super) use crate::fit::statistics::noise;
-use crate::fit::statistics::{median, range};
+use super::finding::Severity::{self, Prevents, Weakens};
 use crate::grid::{Grid, Samples};
+use crate::statistics::{differences, mean, median, noise, percentile, range, sorted};
 
 /// Noise of a reading that is reported, and noise of a drive, as shares of the stroke and the peak; beyond the last the rows are out of order.
 const NOISY: f64 = 0.05;
@@ -34,22 +33,18 @@ pub(super) fn judge(
     fastest_hz: f64,
     add: &mut impl FnMut(Severity, String, &str),
 ) -> bool {
-    let mut sorted = measured.value.clone();
-    sorted.sort_by(f64::total_cmp);
-    let at = |share: f64| sorted[((sorted.len() - 1) as f64 * share) as usize];
-    let stroke = at(0.99) - at(0.01);
-    let steps: Vec<f64> = drive.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let readings = sorted(measured.value.iter().copied());
+    let stroke = percentile(&readings, 0.99) - percentile(&readings, 0.01);
+    let steps: Vec<f64> = differences(&drive.time_s).collect();
     // Without the longest, which may be a gap; a coarse clock has many long ones.
-    let mut ordered = steps.clone();
-    ordered.sort_by(f64::total_cmp);
-    let usual = &ordered[..ordered.len() - ordered.len() / 25];
-    let mean_s = usual.iter().sum::<f64>() / usual.len() as f64;
+    let usual = sorted(steps.iter().copied());
+    let mean_s = mean(&usual[..usual.len() - usual.len() / 25]);
     if stroke <= 0.0 || measured.value.len() < 50 {
         return true;
     }
     if noise(&drive.value) > SHUFFLED * peak {
         add(
-            Severity::Prevents,
+            Prevents,
             "the drive jumps from row to row: the rows are not in the order of time".into(),
             "sort the rows by time",
         );
@@ -59,37 +54,36 @@ pub(super) fn judge(
     if 2 * bunched > steps.len() {
         let finding =
             format!("{bunched} of {} rows follow the one before at once: a clock coarser than the rows", steps.len());
-        add(Severity::Weakens, finding, "replace the times by the rate of the rows (`rate`)");
+        add(Weakens, finding, "replace the times by the rate of the rows (`rate`)");
     }
     let hum = noise(&drive.value);
     if hum > HUM * peak {
         let finding = format!("hum or noise of {:.1} % of the largest on the drive (RMS)", 100.0 * hum / peak);
-        add(Severity::Weakens, finding, "shield the monitor's cable, and record through its own ground");
+        add(Weakens, finding, "shield the monitor's cable, and record through its own ground");
     }
     if let Some((finding, advice)) = disturbance(drive, peak, measured, stroke, fastest_hz * mean_s) {
         let starts_again = finding.ends_with(STARTS_AGAIN);
-        add(Severity::Weakens, finding, advice);
+        add(Weakens, finding, advice);
         return !starts_again;
     }
-    let step =
-        sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-6 * stroke).fold(f64::MAX, f64::min);
+    let step = differences(&readings).filter(|step| *step > 1e-6 * stroke).fold(f64::MAX, f64::min);
     if step > COARSE * stroke {
         let finding =
             format!("the sensor resolves {:.4} mm only, {:.1} % of the stroke", 1e3 * step, 100.0 * step / stroke);
-        add(Severity::Weakens, finding, "use a finer range of the sensor, or more digits");
+        add(Weakens, finding, "use a finer range of the sensor, or more digits");
     }
     let line = interference(measured, drive, peak, fastest_hz).filter(|(_, size)| *size > LINE * stroke);
     if let Some((hz, size)) = line {
         let share = 100.0 * size / stroke;
         let finding = format!("interference of {hz:.1} Hz with {:.4} mm, {share:.1} % of the stroke", 1e3 * size);
         add(
-            Severity::Weakens,
+            Weakens,
             finding,
             "shield the sensor's cable; mains at 50 or 60 Hz appear at lower frequencies where rows are fewer than 100 or 120 a second",
         );
     } else if noise(&measured.value) > NOISY * stroke {
         let finding = format!("noise of {:.1} % of the stroke (RMS)", 100.0 * noise(&measured.value) / stroke);
-        add(Severity::Weakens, finding, "shield the sensor's cable, or use a finer sensor");
+        add(Weakens, finding, "shield the sensor's cable, or use a finer sensor");
     }
     true
 }
@@ -105,7 +99,7 @@ fn disturbance(
 ) -> Option<(String, &'static str)> {
     let (values, count) = (&measured.value, measured.value.len());
     let volts = drive.at(measured.time_s.iter().copied());
-    let changes: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let changes: Vec<f64> = differences(values).collect();
     let least = (JUMP * stroke).max(10.0 * noise(values));
     let is_jump = |&k: &usize| changes[k].abs() > least && (volts[k + 1] - volts[k]).abs() < 0.03 * peak;
     let jumps: Vec<f64> = (0..changes.len()).filter(is_jump).map(|k| changes[k]).collect();
@@ -122,11 +116,7 @@ fn disturbance(
         (reach..count - reach).map(|k| values[k - reach] - 2.0 * values[k] + values[k + reach]).collect()
     };
     let (bends, of_drive) = (bend(values), bend(&volts));
-    let usual = |bends: &[f64]| {
-        let mut sizes: Vec<f64> = bends.iter().map(|bend| bend.abs()).collect();
-        sizes.sort_by(f64::total_cmp);
-        sizes[sizes.len() * 19 / 20]
-    };
+    let usual = |bends: &[f64]| sorted(bends.iter().map(|bend| bend.abs()))[bends.len() * 19 / 20];
     let (limit, of_drive_limit) =
         ((SHAKEN_BEYOND * usual(&bends)).max(SHAKEN * stroke), (2.0 * usual(&of_drive)).max(0.02 * peak));
     let shaken: Vec<usize> =
@@ -169,13 +159,9 @@ fn interference(measured: &Samples, drive: &Samples, peak: f64, fastest_hz: f64)
 fn amplitudes(values: &[f64]) -> Vec<f64> {
     let count = values.len();
     let points = count.next_power_of_two();
-    let mean = values.iter().sum::<f64>() / count as f64;
-    let forward = Planner::new().forward(points);
-    let (mut time, mut spectrum) = (forward.make_input_vec(), forward.make_output_vec());
-    for (k, (slot, value)) in time.iter_mut().zip(values).enumerate() {
-        let window = 1.0 - (std::f64::consts::TAU * (k as f64 + 0.5) / count as f64).cos();
-        *slot = window * (value - mean);
-    }
-    forward.process(&mut time, &mut spectrum).expect("lengths are the plan's own");
+    let mean = mean(values);
+    let window = |k: usize| 1.0 - (std::f64::consts::TAU * (k as f64 + 0.5) / count as f64).cos();
+    let windowed = values.iter().enumerate().map(|(k, value)| window(k) * (value - mean));
+    let spectrum = host_fft::spectrum(&*Planner::new().forward(points), windowed);
     spectrum.iter().map(|line| 2.0 * line.norm() / count as f64).collect()
 }

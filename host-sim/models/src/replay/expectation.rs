@@ -14,6 +14,7 @@ use crate::files::recording::Input;
 use crate::grid::{Grid, Samples};
 use crate::replay::memory::{MemoryChoice, Precision, RunOptions};
 use crate::replay::simulate;
+use crate::statistics::{differences, mean};
 
 /// Key of the table in a parameter file's provenance.
 const KEY: &str = "recorded";
@@ -46,7 +47,7 @@ fn rise(grid: Grid, samples: usize) -> usize {
 }
 
 /// The range of what was recorded of a film.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Recorded {
     /// Smallest and largest displacement, m.
     pub stroke_m: [f64; 2],
@@ -203,7 +204,7 @@ impl Recorded {
             growth += before_s.min(all_s - self.time_s).max(0.0) / self.time_s;
         }
         let from = rise(grid, reference.len());
-        let squares = reference.windows(2).skip(from.saturating_sub(1)).map(|pair| (pair[1] - pair[0]).powi(2));
+        let squares = differences(reference).skip(from.saturating_sub(1)).map(|step| step.powi(2));
         let speed_m_per_s = (squares.sum::<f64>() / (reference.len() - from) as f64).sqrt() * grid.rate_hz;
         let [low, high] = self.error_m(self.difference_m(parameters, reference, grid, voltage_v), speed_m_per_s);
         let share = |error_m: f64| 100.0 * error_m / range_m.max(f64::MIN_POSITIVE);
@@ -229,7 +230,7 @@ impl Recorded {
     fn beyond(&self, reference: &[f64], grid: Grid, voltage_v: f64, temperature_c: Option<f64>) -> (f64, Vec<Beyond>) {
         let [low, high] = self.stroke_m;
         let end = |of: fn(f64, f64) -> f64, from: f64| reference.iter().copied().fold(from, of);
-        let speed = reference.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max) * grid.rate_hz;
+        let speed = differences(reference).map(f64::abs).fold(0.0, f64::max) * grid.rate_hz;
         let stroke = high - low;
         let quantities = [
             (Quantity::Stroke, end(f64::max, high), high, stroke),
@@ -275,7 +276,7 @@ impl Recorded {
     /// one of them does not follow.
     fn difference_m(&self, parameters: &Parameters, reference: &[f64], grid: Grid, voltage_v: Vec<f64>) -> Option<f64> {
         let squares = self.squares(parameters, reference, grid, voltage_v)?;
-        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+        (!squares.is_empty()).then(|| mean(&squares).sqrt())
     }
 
     /// Mean squares (m²) of these differences, of each of the fits.

@@ -11,6 +11,7 @@ use crate::grid::{Grid, Samples};
 use crate::progress::Watch;
 use crate::quantity::{at_most, positive};
 use crate::replay::memory::{OnLaw, Precision, on_compressed};
+use crate::statistics::{differences, median, peak};
 
 /// Estimates, one value per sample of the grid.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -71,12 +72,11 @@ impl Estimates {
 ///
 /// [`Error::Computation`] for fewer than two samples.
 pub fn options(bandwidth_hz: f64, adaptation_s: f64, measured: &Samples, grid: Grid) -> Result<ObserverOptions> {
-    let mut intervals: Vec<f64> = measured.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let intervals: Vec<f64> = differences(&measured.time_s).collect();
     if intervals.is_empty() {
         return Err(Error::Computation("one measured displacement; the observer needs at least 2".into()));
     }
-    intervals.sort_by(f64::total_cmp);
-    let interval_s = intervals[intervals.len() / 2].max(grid.step_s());
+    let interval_s = median(&intervals).max(grid.step_s());
     // In the controller's single precision, as the closed loop has them.
     let control = Control {
         bandwidth_hz: bandwidth_hz as f32,
@@ -222,7 +222,7 @@ impl OnLaw for ObserverRun<'_> {
     fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: LawState<T, M>) -> Result<Estimates> {
         let sensor = self.parameters.sensor();
         let age_ticks = (sensor.delay_s.max(0.0) * self.grid.rate_hz).round() as usize;
-        let largest = self.voltage_v.iter().fold(1.0, |largest: f64, v| largest.max(v.abs()));
+        let largest = peak(self.voltage_v).max(1.0);
         let observer: Observer<T, M> =
             Observer::new(law, &self.parameters.actuator, f64::from(largest as f32), self.options).map_err(refused)?;
         let mut state = observer.state(rest);
