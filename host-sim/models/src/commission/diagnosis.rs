@@ -8,6 +8,7 @@ use super::bench::{ROWS_HZ, Row};
 use super::ramp::{self, MEAN_S, RISE_S, STEP_S, solved};
 use crate::excitation::check::{self, Severity};
 use crate::files::recording::Recording;
+use crate::statistics::{self, differences, median, percentile, range, sorted};
 
 choice! {
     /// A cause of a failure.
@@ -141,7 +142,7 @@ pub fn of_jumps(rows: &[Row], noise_m: f64) -> Option<Finding> {
     const BLOCK: usize = 5;
     let mean = |rows: &[Row]| rows.iter().map(|row| row.displacement_m).sum::<f64>() / rows.len() as f64;
     let means: Vec<f64> = rows.chunks_exact(BLOCK).map(mean).collect();
-    let (low, high) = means.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    let (low, high) = range(&means);
     // Beside the changes before and after it.
     let jump = |four: &[f64]| (four[2] - four[1] - 0.5 * (four[1] - four[0] + four[3] - four[2])).abs();
     let largest = (6.0 * noise_m).max(0.02 * (high - low));
@@ -166,15 +167,13 @@ pub fn of_rows(rows: &[Row]) -> Vec<Finding> {
         findings.push(Finding::new(Cause::Arc, format!("the monitor falls by more than a quarter in {dips} rows")));
     }
     let finite: Vec<f64> = rows.iter().map(|row| row.displacement_m).filter(|x| x.is_finite()).collect();
-    let mut sorted = finite.clone();
-    sorted.sort_by(f64::total_cmp);
-    if sorted.is_empty() {
+    if finite.is_empty() {
         return findings;
     }
-    let at = |share: f64| sorted[((sorted.len() - 1) as f64 * share) as usize];
-    let mut changes: Vec<f64> = finite.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
-    changes.sort_by(f64::total_cmp);
-    let stroke = (at(0.99) - at(0.01)).max(50.0 * changes.get(changes.len() / 2).copied().unwrap_or(0.0));
+    let sorted = sorted(finite.iter().copied());
+    let at = |share: f64| percentile(&sorted, share);
+    let changes: Vec<f64> = differences(&finite).map(f64::abs).collect();
+    let stroke = (at(0.99) - at(0.01)).max(50.0 * median(&changes));
     let jumps = |k: usize| {
         let (before, after) = (finite[k] - finite[k - 1], finite[k] - finite[k + 1]);
         before * after > 0.0 && before.abs().min(after.abs()) > 0.3 * stroke
@@ -187,7 +186,7 @@ pub fn of_rows(rows: &[Row]) -> Vec<Finding> {
     // At the end of a range readings are flat, whatever the noise is elsewhere.
     let top = at(1.0);
     let flat = finite.windows(20).filter(|run| run.iter().all(|x| (x - top).abs() < 0.02 * stroke)).filter(|run| {
-        let mean = run.iter().sum::<f64>() / run.len() as f64;
+        let mean = statistics::mean(run);
         run.iter().all(|x| (x - mean).abs() < 1e-9)
     });
     let flat = flat.count();
@@ -269,7 +268,7 @@ fn of_voltage(steps: &[Vec<&Row>], of: &[ramp::Step]) -> Vec<Finding> {
     );
     // A zero that is off is as many volts at every voltage.
     let offsets_v: Vec<f64> = ratios.iter().map(|(v, ratio)| v * (ratio - 1.0)).collect();
-    let offset_v = offsets_v.iter().sum::<f64>() / offsets_v.len() as f64;
+    let offset_v = statistics::mean(&offsets_v);
     let is_constant = offsets_v.iter().all(|volts| (volts - offset_v).abs() < 0.2 * offset_v.abs());
     if is_constant && offset_v.abs() > 0.5 * SCALE * first.0 {
         findings.push(Finding::new(Cause::MonitorGain, format!("{measured}: {offset_v:+.0} V at every voltage")));
@@ -281,8 +280,7 @@ fn of_voltage(steps: &[Vec<&Row>], of: &[ramp::Step]) -> Vec<Finding> {
     } else if (last.1 - 1.0).abs() > SCALE {
         findings.push(Finding::new(Cause::MonitorGain, measured));
     }
-    lags_s.sort_by(f64::total_cmp);
-    let lag_s = lags_s[lags_s.len() / 2];
+    let lag_s = median(&lags_s);
     if lag_s > MAX_LAG_S {
         findings.push(Finding::new(Cause::Lag, format!("the monitor is {:.0} ms behind the command", 1e3 * lag_s)));
     }

@@ -63,27 +63,7 @@ pub fn commission(
     progress: &dyn Fn(&Stage),
 ) -> Result<Report> {
     let limits = Limits::new(&plan.actuator, &plan.board);
-    let report = Report {
-        verdict: Verdict { passed: false, sentence: String::new(), next: String::new() },
-        findings: Vec::new(),
-        bench: bench.name(),
-        firmware: bench.firmware(),
-        limits,
-        steps: Vec::new(),
-        self_test: Vec::new(),
-        gauge_m: None,
-        ramp: None,
-        fit: None,
-        self_sensing: None,
-        checksum: None,
-        feedforward: None,
-        tracking: None,
-        monitor_error: None,
-        creep: None,
-        film_s: 0.0,
-        files: Vec::new(),
-        picture: [Vec::new(), Vec::new()],
-    };
+    let report = Report { bench: bench.name(), firmware: bench.firmware(), limits, ..Report::default() };
     let mut course = Course {
         bench,
         plan,
@@ -111,7 +91,6 @@ pub fn commission(
     Ok(course.report)
 }
 
-/// Commissioning on its way.
 struct Course<'a> {
     bench: &'a mut dyn Bench,
     plan: &'a Plan,

@@ -87,11 +87,6 @@ impl Plan {
         (self.steps[0]..=self.steps[1]).contains(&step)
     }
 
-    /// The excitation up to `peak_v`.
-    ///
-    /// # Errors
-    ///
-    /// [`Error`](crate::error::Error) where the board does not allow it.
     pub(super) fn excitation(&self, peak_v: f64) -> Result<Profile> {
         let options = ProfileOptions {
             peak_v,
@@ -103,7 +98,6 @@ impl Plan {
         Profile::new(&options, &self.board.command_limits(), self.board.limits.thickness_m.into())
     }
 
-    /// About how long `step` takes, s.
     pub(super) fn expected_s(&self, step: Step) -> u64 {
         let seconds = match step {
             Step::SelfTest | Step::Upload => 2.0,

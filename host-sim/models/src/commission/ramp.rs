@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::bench::{ROWS_HZ, Row};
 use crate::files::parameters::Board;
 use crate::references::minimum_jerk;
+use crate::statistics::{differences, mean};
 use springpot::Actuator;
 
 /// Rest before the first step and after the last, s.
@@ -42,7 +43,7 @@ const MIN_STROKE: f64 = 30.0;
 const SEEN: f64 = 3.0;
 
 /// Limits of a film on its bench.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Limits {
     /// Largest voltage, V.
     pub voltage_v: f64,
@@ -116,7 +117,9 @@ pub struct Report {
     pub moves: bool,
 }
 
+#[derive(Default)]
 enum Phase {
+    #[default]
     Rest,
     Step,
     Back,
@@ -124,6 +127,7 @@ enum Phase {
 }
 
 /// A ramp in motion; a [pilot](super::bench::Pilot) asks it for the next target.
+#[derive(Default)]
 pub struct Ramp {
     limits: Limits,
     phase: Phase,
@@ -155,28 +159,7 @@ pub struct Ramp {
 impl Ramp {
     /// A ramp within `limits`.
     pub fn new(limits: Limits) -> Self {
-        Self {
-            limits,
-            phase: Phase::Rest,
-            began_s: None,
-            from_v: 0.0,
-            to_v: 0.0,
-            since_s: 0.0,
-            history: Vec::new(),
-            present: Vec::new(),
-            zero_m: 0.0,
-            noise_m: 0.0,
-            drift_m_per_s: None,
-            stays_behind_m: None,
-            predicted: (None, None),
-            without_m: 0.0,
-            steps: Vec::new(),
-            quick: Vec::new(),
-            creep_m: 0.0,
-            first_slope: None,
-            ended_by: None,
-            rows: 0,
-        }
+        Self { limits, ..Self::default() }
     }
 
     /// The target after `row`, V; none at the end.
@@ -194,11 +177,10 @@ impl Ramp {
         match self.phase {
             Phase::Rest if now_s - began_s < REST_S => return Some(0.0),
             Phase::Rest => {
-                let count = self.present.len().max(1) as f64;
-                self.zero_m = self.present.iter().sum::<f64>() / count;
+                self.zero_m = mean(&self.present);
                 // Of neighbours: a drift is not noise.
-                let square: f64 = self.present.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
-                self.noise_m = (0.5 * square / count).sqrt();
+                let square: f64 = differences(&self.present).map(|step| step.powi(2)).sum();
+                self.noise_m = (0.5 * square / self.present.len().max(1) as f64).sqrt();
                 self.drift_m_per_s = self.drift();
                 self.history.iter_mut().for_each(|row| row.2 -= self.zero_m);
                 self.go_on(now_s);
@@ -411,7 +393,6 @@ impl Ramp {
     }
 }
 
-/// Rows in so many seconds.
 fn rows(time_s: f64) -> usize {
     (time_s * ROWS_HZ) as usize
 }
@@ -419,10 +400,6 @@ fn rows(time_s: f64) -> usize {
 /// The last so many seconds of `present`.
 fn last(present: &[f64], time_s: f64) -> &[f64] {
     &present[present.len().saturating_sub(rows(time_s))..]
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 /// Whether the displacement has grown by less than half of what was predicted in the last step, or not at all in the last two, although it did in those

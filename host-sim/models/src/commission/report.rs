@@ -17,7 +17,7 @@ use crate::fit::capacitance::Prospect;
 const MONITOR_ERROR: f64 = 0.005;
 
 /// The verdict.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Verdict {
     /// Whether the film follows, as far as all steps show.
     pub passed: bool,
@@ -37,7 +37,7 @@ pub struct Creep {
 }
 
 /// The result.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Report {
     /// The verdict.
     pub verdict: Verdict,
@@ -97,7 +97,6 @@ pub struct FitRow {
 }
 
 impl Report {
-    /// The verdict on what was found.
     pub(super) fn judge(&mut self, plan: &Plan) {
         if let [hold, tracked] = &self.picture
             && let (Some(first), Some(last)) = (hold.first(), hold.last())

@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::files::parameters::{Board, Parameters};
 use crate::simulation::film::{Instruments, Readings};
 use crate::simulation::plant::Plant;
+use crate::statistics::mean;
 
 choice! {
     /// A fault of a bench.
@@ -70,7 +71,6 @@ pub struct Fault {
     pub strength: f64,
 }
 
-/// Ticks per second.
 const RATE_HZ: f64 = 1000.0;
 /// Ticks of a row.
 const TICKS: u64 = (RATE_HZ / ROWS_HZ) as u64;
@@ -161,7 +161,6 @@ impl<'a> SimulatedBench<'a> {
         self.faults.iter().find(|fault| fault.kind == kind).map(|fault| fault.strength)
     }
 
-    /// Displacement of the film, m.
     fn film_m(&self) -> f64 {
         let softer = self.fault(FaultKind::Softening).unwrap_or(0.0) * self.ticks as f64 / (1000.0 * RATE_HZ);
         self.plant.displacement_m() * (1.0 + softer) / self.fault(FaultKind::LittleStroke).unwrap_or(1.0)
@@ -261,7 +260,6 @@ impl<'a> SimulatedBench<'a> {
         });
     }
 
-    /// The amplifier for a tick.
     fn amplify(&mut self) {
         let largest_v = f64::from(self.board.limits.max_voltage_v);
         let mut wanted_v = self.command_v.min(self.fault(FaultKind::AmplifierEnd).unwrap_or(f64::INFINITY));
@@ -313,7 +311,6 @@ impl Bench for SimulatedBench<'_> {
             seen_v.push(row.monitor_v);
             (seen_v.len() < 200).then_some(if seen_v.len() < 10 { 0.0 } else { 50.0 })
         })?;
-        let mean = |rows: &[f64]| rows.iter().sum::<f64>() / rows.len().max(1) as f64;
         let rise_v = mean(seen_v.get(150..).unwrap_or_default()) - mean(seen_v.get(..10).unwrap_or_default());
         let check = |what: &str, found: String, wanted: &str, passed| Check {
             what: what.into(),

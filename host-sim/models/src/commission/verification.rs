@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::bench::Row;
 use crate::references::minimum_jerk;
+use crate::statistics::range;
 
 /// Fewest segments whose largest error bounds the 95th percentile at 95 % confidence: 0.95⁵⁹ < 0.05.
 pub const MIN_SEGMENTS: usize = 59;
@@ -23,7 +24,6 @@ pub struct Segments {
     pub range_m: f64,
     /// Where each move ends, m, and how long it takes, s; that back to 0 is the last.
     moves: Vec<(f64, f64)>,
-    /// Length of a segment, s.
     length_s: f64,
 }
 
@@ -55,9 +55,8 @@ impl Segments {
             from_m = to_m;
         }
         let segment = |k: usize| (k * samples) as f64 / RATE_HZ..((k + 1) * samples) as f64 / RATE_HZ;
-        let ends = &moves[..moves.len() - 1];
-        let (low_m, high_m) =
-            ends.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (to, _)| (l.min(*to), h.max(*to)));
+        let ends: Vec<f64> = moves[..moves.len() - 1].iter().map(|(to_m, _)| *to_m).collect();
+        let (low_m, high_m) = range(&ends);
         let times_s = (1..ends.len()).map(segment).collect();
         Self { reference_m, times_s, range_m: high_m - low_m, moves, length_s }
     }
