@@ -14,6 +14,7 @@ use crate::references::Periods;
 use crate::simulation::controllers::{Controller, ControllerOutput};
 use crate::simulation::film::{Film, Instruments, Readings};
 use crate::simulation::plant::{NonlinearPlant, Plant};
+use crate::statistics::{peak, range, rms};
 
 /// Sensor, amplifier and voltage monitor between controller and film.
 #[derive(Clone, Debug, PartialEq)]
@@ -107,15 +108,18 @@ pub struct TrackingQuality {
 }
 
 impl LoopRun {
-    pub(crate) fn push(&mut self, asked: f64, shaped: f64, displacement: f64, output: &ControllerOutput) {
-        self.asked_m.push(asked);
-        self.reference_m.push(shaped);
-        self.displacement_m.push(displacement);
+    /// Keeps tick `k`; `progress` counts ticks and may end the run.
+    pub(super) fn keep(&mut self, k: usize, tick: &LoopTick, progress: &dyn Watch) -> Result<()> {
+        let output = &tick.output;
+        self.asked_m.push(tick.asked_m);
+        self.reference_m.push(tick.reference_m);
+        self.displacement_m.push(tick.displacement_m);
         self.voltage_v.push(output.voltage_v);
         self.limited.push(output.limited);
         self.estimate_m.push(output.estimate_m.unwrap_or(f64::NAN));
         self.disturbance_n.push(output.disturbance_n.unwrap_or(f64::NAN));
         self.force_scale.push(output.force_scale.unwrap_or(f64::NAN));
+        if k % 4096 == 4095 { progress.advance(4096) } else { Ok(()) }
     }
 
     /// Error, m.
@@ -132,17 +136,17 @@ impl LoopRun {
         let late = &error[error.len() - error.len() / 3..];
         TrackingQuality {
             tracking_rms_pct: percent.map(|percent| percent * rms(&error)),
-            largest_pct: percent.map(|percent| percent * largest(&error)),
+            largest_pct: percent.map(|percent| percent * peak(&error)),
             late_rms_pct: percent.map(|percent| percent * rms(late)),
-            late_largest_pct: percent.map(|percent| percent * largest(late)),
+            late_largest_pct: percent.map(|percent| percent * peak(late)),
             asked_rms_pct: percent_of(&self.asked_m).map(|percent| percent * rms(&asked)),
             rms_m: rms(&error),
             drift_pct: periods.zip(percent).map(|(periods, percent)| percent * periods.drift(&error)),
             infeasible_pct: percent_where(&self.limited, |limited| limited.contains(Limited::BELOW_ZERO)),
             limited_pct: percent_where(&self.limited, |limited| !limited.is_none()),
             limits_met: LimitShare::from_limited(&self.limited),
-            largest_error_m: largest(&error),
-            largest_voltage_v: bounds(&self.voltage_v).1,
+            largest_error_m: peak(&error),
+            largest_voltage_v: range(&self.voltage_v).1,
         }
     }
 }
@@ -181,22 +185,10 @@ fn percent_where(limited: &[Limited], applies: impl Fn(&Limited) -> bool) -> f64
     100.0 * limited.iter().filter(|limited| applies(limited)).count() as f64 / limited.len() as f64
 }
 
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|e| e * e).sum::<f64>() / values.len() as f64).sqrt()
-}
-
-fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |largest, value| value.abs().max(largest))
-}
-
 /// Factor from metres to percent of a reference's peak to peak; `None` for a constant one.
 fn percent_of(reference: &[f64]) -> Option<f64> {
-    let (low, high) = bounds(reference);
+    let (low, high) = range(reference);
     (high > low).then(|| 100.0 / (high - low))
-}
-
-fn bounds(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }
 
 /// The instruments and the amplifier while a loop runs.
@@ -316,12 +308,20 @@ pub fn track_plant(
     progress: &dyn Watch,
 ) -> Result<LoopRun> {
     let mut run = LoopRun::default();
-    let asked = |k: usize| reference.get(k).or(reference.last()).copied().unwrap_or(0.0);
-    follow(plant, bench, controller, asked, grid, |k, tick| {
-        run.push(tick.asked_m, tick.reference_m, tick.displacement_m, &tick.output);
-        if k % 4096 == 4095 { progress.advance(4096) } else { Ok(()) }
-    })?;
+    follow(plant, bench, controller, held(reference), grid, |k, tick| run.keep(k, &tick, progress))?;
     Ok(run)
+}
+
+/// `reference` by the number of a sample: behind its end the last value.
+pub(super) fn held(reference: &[f64]) -> impl Fn(usize) -> f64 {
+    move |k| reference.get(k).or(reference.last()).copied().unwrap_or(0.0)
+}
+
+/// The error of a film that a loop has torn or pulled in at `time_s` under `volts`.
+pub(super) fn torn(time_s: f64, volts: f64) -> Error {
+    Error::Computation(format!(
+        "the film is torn or pulled in at {time_s:.3} s under {volts:.0} V; lower the reference or `max_voltage_v`"
+    ))
 }
 
 /// Runs `controller` along `reference` (m, of the number of a sample of `grid`) on `plant`, which is at rest and advances in [`substeps`]
@@ -359,9 +359,7 @@ pub fn follow(
         commanded = output.voltage_v;
         bench.advance(plant, commanded);
         if !plant.holds() {
-            return Err(Error::Computation(format!(
-                "the film is torn or pulled in at {now:.3} s under {commanded:.0} V; lower the reference or `max_voltage_v`"
-            )));
+            return Err(torn(now, commanded));
         }
     }
     Ok(())

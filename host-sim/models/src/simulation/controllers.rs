@@ -92,7 +92,6 @@ pub const PI_HZ: f64 = 0.8;
 
 /// References that `Pi` keeps, to compare a late sample with the reference of its time.
 const KEPT_REFERENCES: usize = 1024;
-/// Length of the plain window, s.
 const WINDOW_S: f64 = 10.0;
 /// Where the one spring of the static inverse is as stiff as the model, Hz: within the band of usual fits.
 const STATIC_HZ: f64 = 1.0 / 7.0;

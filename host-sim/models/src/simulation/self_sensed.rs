@@ -5,7 +5,7 @@ use springpot::{Applied, FilmReading, SelfSensed, SelfSensing, SelfSensingFault,
 use crate::error::{Error, Result};
 use crate::grid::Grid;
 use crate::progress::Watch;
-use crate::simulation::closed_loop::{LoopRun, LoopTick};
+use crate::simulation::closed_loop::{LoopRun, LoopTick, held, torn};
 use crate::simulation::controllers::{Controller, ControllerOutput};
 use crate::simulation::electrical::ElectricalBench;
 
@@ -65,25 +65,15 @@ pub fn track(
     progress: &dyn Watch,
 ) -> Result<LoopRun> {
     let mut run = LoopRun::default();
-    let asked = |k: usize| reference.get(k).or(reference.last()).copied().unwrap_or(0.0);
-    let found = follow(sensed, controller, asked, grid, |k, _, tick| {
-        run.push(tick.asked_m, tick.reference_m, tick.displacement_m, &tick.output);
-        if k % 4096 == 4095 { progress.advance(4096) } else { Ok(()) }
-    })?;
-    match found {
-        None => Ok(run),
-        Some((fault, tick)) => {
-            let cause = match fault {
-                SelfSensingFault::NoTone => "the amplifier passes no tone",
-                SelfSensingFault::Shorted => "the film conducts",
-                SelfSensingFault::CurrentMonitor => "the current has no tone",
-                _ => {
-                    "an electrode is lost: too little capacitance, or too much resistance; is the relation that of this film?"
-                }
-            };
-            Err(Error::Computation(format!("self-sensing ended at 0 V at {:.3} s: {cause}", grid.time_s(tick))))
-        }
-    }
+    let found = follow(sensed, controller, held(reference), grid, |k, _, tick| run.keep(k, &tick, progress))?;
+    let Some((fault, tick)) = found else { return Ok(run) };
+    let cause = match fault {
+        SelfSensingFault::NoTone => "the amplifier passes no tone",
+        SelfSensingFault::Shorted => "the film conducts",
+        SelfSensingFault::CurrentMonitor => "the current has no tone",
+        _ => "an electrode is lost: too little capacitance, or too much resistance; is the relation that of this film?",
+    };
+    Err(Error::Computation(format!("self-sensing ended at 0 V at {:.3} s: {cause}", grid.time_s(tick))))
 }
 
 /// Runs `controller` along `reference` (m, of the number of a sample of `grid`) on `sensed`, which is at rest; its samples are those of the film
@@ -122,10 +112,7 @@ pub fn follow(
         commanded = output.voltage_v;
         sensed.drive(commanded);
         if !sensed.bench.plant().holds() {
-            return Err(Error::Computation(format!(
-                "the film is torn or pulled in at {:.3} s under {commanded:.0} V; lower the reference or `max_voltage_v`",
-                grid.time_s(k)
-            )));
+            return Err(torn(grid.time_s(k), commanded));
         }
     }
     Ok(found)
