@@ -11,6 +11,7 @@ use crate::files::parameters::Parameters;
 use crate::grid::Grid;
 use crate::references::minimum_jerk;
 use crate::replay::expectation::{Expectation, Recorded};
+use crate::statistics::range;
 
 /// Result of the check of a reference, and the offset that makes it feasible.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -135,21 +136,15 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
         amplifier.is_none_or(|asked| asked.falls_too_fast_s.is_none() && asked.leads_too_high_s.is_none());
     let first = (0..reference.len()).find(|&k| below[k] || above[k]);
     let settled = ((RISE_S * grid.rate_hz) as usize).min(reference.len() - 1);
-    let (low_m, high_m) = reference[settled..]
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)));
+    let (low_m, high_m) = range(&reference[settled..]);
     let least = demand.least_offset(&below, low_m, high_m);
     let most_offset_m = demand.most_offset(low_m, high_m);
-    let square = (0..reference.len()).map(|k| demand.squared_voltage(k, 0.0, demand.force[k])).fold(0.0, f64::max);
     let least_offset_m = (least.is_finite() && most_offset_m.is_none_or(|most| least <= most)).then_some(least);
     let binding = demand.binding(grid);
     let is_too_fast = binding.iter().any(|binding| matches!(binding.limit, Limit::Slew | Limit::Velocity));
     let feasible = first.is_none() && amplifier_follows && !is_too_fast;
     let binding = if feasible { Vec::new() } else { binding };
-    let voltage_v = || {
-        let squared = demand.force.iter().enumerate().map(|(k, &force)| demand.squared_voltage(k, 0.0, force));
-        squared.map(|square| square.max(0.0).sqrt()).collect()
-    };
+    let voltage_v = demand.voltages(0.0, &demand.force);
     Ok(Feasibility {
         feasible,
         field_checked,
@@ -158,7 +153,7 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
         beyond_curve_pct: share(&beyond),
         first_s: first.map(|k| grid.time_s(k)),
         lowest_force_n: demand.force.iter().copied().fold(f64::INFINITY, f64::min),
-        largest_voltage_v: square.sqrt(),
+        largest_voltage_v: voltage_v.iter().copied().fold(0.0, f64::max),
         low_m,
         high_m,
         least_offset_m,
@@ -166,7 +161,7 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
         amplifier,
         binding,
         expectation: Recorded::from_parameters(parameters)
-            .map(|recorded| recorded.expectation(parameters, reference, grid, high_m - low_m, voltage_v())),
+            .map(|recorded| recorded.expectation(parameters, reference, grid, high_m - low_m, voltage_v)),
         smaller: None,
     })
 }

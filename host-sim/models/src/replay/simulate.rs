@@ -12,6 +12,7 @@ use crate::grid::Grid;
 use crate::progress::Watch;
 use crate::replay::full_memory::FullMemory;
 use crate::replay::memory::{OnLaw, OnMemory, Precision, RunOptions, on_memory};
+use crate::statistics::peak;
 
 /// Force and displacement of a run, one value per sample of its grid.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,16 +70,19 @@ pub fn response(
         ModelRun { film: parameters.film(), actuator, input: &input, grid, precision: options.precision, progress };
     let (force_n, displacement_m) = on_memory(parameters.film(), grid, options, run)?;
     let coupling = actuator.stretch_coupling;
-    if matches!(input, Input::Voltage(_)) && displacement_m.iter().any(|x| coupling * x > MAX_COUPLED_GROWTH) {
-        return Err(pulled_in(coupling));
-    }
-    if matches!(input, Input::Voltage(_))
-        && let Some(x) = displacement_m.iter().find(|x| actuator.force_growth(**x) <= 0.0)
-    {
-        return Err(Error::Computation(format!(
-            "with stretch_coupling = {coupling:?} 1/m the force is gone at {x:.6} m, where the film is; the coupling does not hold \
-             that far"
-        )));
+    if let Input::Voltage(_) = input {
+        if displacement_m.iter().any(|x| coupling * x > MAX_COUPLED_GROWTH) {
+            return Err(Error::Computation(format!(
+                "pull-in: with stretch_coupling = {coupling:?} 1/m the force grows faster than the film resists; lower the coupling \
+                 or the voltage"
+            )));
+        }
+        if let Some(x) = displacement_m.iter().find(|x| actuator.force_growth(**x) <= 0.0) {
+            return Err(Error::Computation(format!(
+                "with stretch_coupling = {coupling:?} 1/m the force is gone at {x:.6} m, where the film is; the coupling does not hold \
+                 that far"
+            )));
+        }
     }
     if !force_n.iter().chain(&displacement_m).all(|value| value.is_finite()) {
         return Err(Error::Computation(
@@ -119,8 +123,7 @@ impl OnLaw for ModelRun<'_> {
         };
         match self.input {
             Input::Voltage(voltage) => {
-                let largest = voltage.iter().fold(1.0, |largest: f64, v| largest.max(v.abs()));
-                let volts = VoltageDrive::new(self.actuator, largest, law.min_stiffness())?;
+                let volts = VoltageDrive::new(self.actuator, peak(voltage).max(1.0), law.min_stiffness())?;
                 for &v in voltage {
                     let load: Load<T> = volts.load(T::from_f64(v));
                     let x = law.displacement_under(&mut state, load);
@@ -179,10 +182,3 @@ impl OnMemory for ModelRun<'_> {
 
 /// A film whose force has grown by this factor through coupling is pulled in.
 const MAX_COUPLED_GROWTH: f64 = 10.0;
-
-fn pulled_in(coupling: f64) -> Error {
-    Error::Computation(format!(
-        "pull-in: with stretch_coupling = {coupling:?} 1/m the force grows faster than the film resists; lower the coupling \
-         or the voltage"
-    ))
-}

@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::files::parameters::Parameters;
 use crate::grid::Grid;
 use crate::references::minimum_jerk;
+use crate::statistics::peak;
 
 /// Largest offset that is tried, m: beyond any film.
 const MAX_OFFSET_M: f64 = 10.0;
@@ -62,8 +63,7 @@ impl<'a> Demand<'a> {
             slack: 0.0,
         };
         demand.force = demand.force_along_path(0.0);
-        let largest = demand.force.iter().fold(0.0, |largest: f64, f| largest.max(f.abs()));
-        demand.slack = 1e-9 * largest;
+        demand.slack = 1e-9 * peak(&demand.force);
         Ok(demand)
     }
 
@@ -96,8 +96,13 @@ impl<'a> Demand<'a> {
     }
 
     /// Squared voltage that sample `k` of the reference with `offset` (m) needs for `force` (N), V².
-    pub(super) fn squared_voltage(&self, k: usize, offset: f64, force: f64) -> f64 {
+    fn squared_voltage(&self, k: usize, offset: f64, force: f64) -> f64 {
         self.actuator.squared_voltage(force, self.displacement(k, offset))
+    }
+
+    /// The voltages (V) that the reference with `offset` (m) needs for `force` (N); 0 where no voltage gives so little.
+    pub(super) fn voltages(&self, offset: f64, force: &[f64]) -> Vec<f64> {
+        force.iter().enumerate().map(|(k, &f)| self.squared_voltage(k, offset, f).max(0.0).sqrt()).collect()
     }
 
     /// Whether sample `k` of the reference with `offset` (m) needs more than the largest voltage or field for `force` (N).
@@ -116,7 +121,8 @@ impl<'a> Demand<'a> {
             let (k, (needed, allowed)) = most;
             Some(Binding { limit, needed, allowed, at_s: grid.time_s(k) })
         };
-        let voltage = |k: usize| self.squared_voltage(k, 0.0, self.force[k]).max(0.0).sqrt();
+        let voltages = self.voltages(0.0, &self.force);
+        let voltage = |k: usize| voltages[k];
         let field_v = |k: usize| self.actuator.field_voltage(self.limits.max_field_v_per_m, self.displacement(k, 0.0));
         let (largest_v, largest_field) = (self.limits.max_voltage_v, self.limits.max_field_v_per_m);
         let over = |needed: f64, allowed: f64| (needed > allowed).then_some((needed, allowed));
@@ -177,18 +183,11 @@ impl<'a> Demand<'a> {
         };
         // Before the rise has an effect, the force must be positive by itself.
         let effective = 1e-9 * per_offset.iter().copied().fold(0.0, f64::max);
-        (0..self.force.len())
-            .filter(|&k| per_offset[k] > effective || below[k])
-            .map(
-                |k| {
-                    if per_offset[k] > effective {
-                        -(self.force[k] + self.slack) / per_offset[k]
-                    } else {
-                        f64::INFINITY
-                    }
-                },
-            )
-            .fold(f64::NEG_INFINITY, f64::max)
+        let needed = |k: usize| match per_offset[k] {
+            more if more > effective => Some(-(self.force[k] + self.slack) / more),
+            _ => below[k].then_some(f64::INFINITY),
+        };
+        (0..self.force.len()).filter_map(needed).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// The largest offset (m) that stays within the largest voltage and field, for a reference between `low` and `high` (m).
@@ -237,8 +236,7 @@ impl Lag {
     /// The demand of the reference with `offset` (m), which needs `force` (N), from each sample to the next. At a voltage below
     /// `NO_FORCE` of the largest a fall that is late does not move the film.
     pub(super) fn asked(self, demand: &Demand<'_>, offset: f64, force: &[f64]) -> Asked {
-        let voltage: Vec<f64> =
-            force.iter().enumerate().map(|(k, &f)| demand.squared_voltage(k, offset, f).max(0.0).sqrt()).collect();
+        let voltage = demand.voltages(offset, force);
         let lowest = NO_FORCE * demand.limits.max_voltage_v;
         let steps = || voltage.windows(2).enumerate().map(|(k, pair)| (k, pair[0], pair[1]));
         Asked {
