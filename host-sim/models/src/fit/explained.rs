@@ -7,9 +7,9 @@
 use std::{array, iter};
 
 use super::observation::Observation;
-use super::statistics::{median, percentile_range, range, robust_deviation};
 use crate::files::recording::{Input, Recording};
 use crate::least_squares::dot;
+use crate::statistics::{differences, median, peak, percentile_range, range, robust_deviation};
 
 /// Ratio of neighbouring filter times.
 const RATIO: f64 = 3.0;
@@ -71,6 +71,12 @@ impl Basis {
         share / left
     }
 
+    pub(super) fn extend<'a>(&mut self, columns: impl IntoIterator<Item = &'a Vec<f64>>) {
+        for column in columns {
+            self.add(column);
+        }
+    }
+
     /// The part of `column` that is no sum of the others and `more`, as a unit vector, and its length; none where there is no such part.
     fn beside(&self, column: &[f64], more: &[Vec<f64>]) -> Option<(Vec<f64>, f64)> {
         let mut column = product(column, &self.kept);
@@ -130,9 +136,7 @@ impl Course {
         if let Some(drop_outs) = recording.drop_outs() {
             drop_outs.rows.into_iter().for_each(|row| course.reading[row] = f64::NAN);
         }
-        course.leave_out_ends();
-        course.leave_out_outliers();
-        Some(course)
+        Some(course.cleaned())
     }
 
     /// The course of `observation` in every so many of its rows; none where a displacement drives it.
@@ -150,10 +154,14 @@ impl Course {
                 reading[row] = *value;
             }
         }
-        let mut course = Self { file: name.clone(), time_s, drive, is_voltage, reading };
-        course.leave_out_ends();
-        course.leave_out_outliers();
-        (!matches!(input, Input::Displacement(_))).then_some(course)
+        let course = Self { file: name.clone(), time_s, drive, is_voltage, reading };
+        (!matches!(input, Input::Displacement(_))).then(|| course.cleaned())
+    }
+
+    fn cleaned(mut self) -> Self {
+        self.leave_out_ends();
+        self.leave_out_outliers();
+        self
     }
 
     /// Empties readings that stay at the largest or the smallest one under a load: they have a line of their own.
@@ -161,7 +169,7 @@ impl Course {
         const REST: f64 = 0.03;
         const RUN: usize = 4;
         let load = self.load(&self.drive);
-        let rest = REST * load.iter().fold(0.0_f64, |most, load| most.max(load.abs()));
+        let rest = REST * peak(&load);
         let (low, high) = range(&self.reading.iter().copied().filter(|value| !value.is_nan()).collect::<Vec<f64>>());
         for end in [low, high] {
             let is_at_end: Vec<bool> =
@@ -232,7 +240,7 @@ impl Filters {
 impl Blocks {
     /// Joins `courses`, whose drives become shares of the largest; none without readings that move.
     pub(super) fn new(mut courses: Vec<Course>) -> Option<Self> {
-        let peak = courses.iter().flat_map(|course| &course.drive).fold(0.0_f64, |peak, value| peak.max(value.abs()));
+        let peak = courses.iter().map(|course| peak(&course.drive)).fold(0.0, f64::max);
         courses.iter_mut().flat_map(|course| &mut course.drive).for_each(|value| *value /= peak);
         let total: usize = courses.iter().map(|course| course.time_s.len()).sum();
         let rows = total.div_ceil(BLOCKS).max(1);
@@ -322,9 +330,7 @@ impl Blocks {
         let slopes: Vec<f64> =
             self.means(&loads).iter().zip(behind).map(|(load, behind)| (behind - load) / tau_s).collect();
         let mut film = self.film_from(drives, shortest_s, 3);
-        added.iter().for_each(|column| {
-            film.add(column);
-        });
+        film.extend(added);
         (film.add(&slopes) / self.stroke_m, film.square())
     }
 
@@ -341,24 +347,19 @@ impl Blocks {
             let ratio = if power == 1 { RATIO } else { RATIO * RATIO };
             let taus_s = iter::successors(Some(shortest_s), |tau_s| Some(tau_s * ratio));
             let taus_s: Vec<f64> = taus_s.take_while(|tau_s| *tau_s < 3.0 * longest_s).collect();
-            self.filtered_means(&loads, &taus_s).iter().for_each(|column| {
-                basis.add(column);
-            });
+            basis.extend(&self.filtered_means(&loads, &taus_s));
         }
         // A film whose stiffness depends on the stroke.
         let film = self.modelled(&basis);
         let load = self.means(&loads);
-        for column in [
+        basis.extend(&[
             film.iter().map(|x| x * x).collect(),
-            film.iter().map(|x| x * x * x).collect::<Vec<f64>>(),
+            film.iter().map(|x| x * x * x).collect(),
             film.iter().zip(&load).map(|(x, u)| x * u).collect(),
-        ] {
-            basis.add(&column);
-        }
+        ]);
         basis
     }
 
-    /// The load of every recording.
     fn loads(&self, drives: &[Vec<f64>]) -> Vec<Vec<f64>> {
         self.courses.iter().zip(drives).map(|(course, drive)| course.load(drive)).collect()
     }
@@ -369,7 +370,7 @@ impl Blocks {
 
     /// The shortest filter time: what a cycle of the drive still shows.
     fn shortest_s(&self) -> f64 {
-        let steps = self.courses.iter().flat_map(|course| course.time_s.windows(2).map(|pair| pair[1] - pair[0]));
+        let steps = self.courses.iter().flat_map(|course| differences(&course.time_s));
         let step_s = median(&steps.collect::<Vec<f64>>());
         (2.0 * step_s).max(1e-4 * self.longest_s())
     }

@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 use super::explained::{Basis, Blocks, Course};
 use super::observation::{self, Observation, Reading};
 use super::preparation::{Severity, Warning};
-use super::statistics::peaks;
+use crate::statistics::{mean, peaks, range};
 
 /// A fault of this size, as a share of the stroke, is of no film.
 pub(crate) const SERIOUS: f64 = 0.1;
@@ -32,7 +32,6 @@ const CLEAR: f64 = 0.1;
 /// Both of zeros that differ, which a fit estimates with one number for each recording.
 const CLEAR_ZEROS_SIZE: f64 = 0.5e-3;
 const CLEAR_ZEROS: f64 = 0.3;
-/// Most causes.
 const MAX_CAUSES: usize = 4;
 /// Addition to the score of a cause for each of its columns.
 const COMPLEXITY: f64 = 0.02;
@@ -68,6 +67,13 @@ pub(crate) struct Fault {
     pub(super) effect: Effect,
 }
 
+impl Fault {
+    /// A fault of all recordings.
+    fn of_all(finding: String, advice: &'static str, size: f64) -> Self {
+        Self { file: None, finding, advice, size, effect: Effect::Other }
+    }
+}
+
 /// The effect of a fault on a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Effect {
@@ -83,7 +89,6 @@ pub(super) enum Effect {
     Other,
 }
 
-/// A possible cause.
 struct Cause {
     finding: String,
     advice: &'static str,
@@ -97,6 +102,10 @@ impl Cause {
     fn of_all(finding: &str, advice: &'static str, columns: Vec<Vec<f64>>) -> Self {
         let change = Change::Columns(columns);
         Self { finding: finding.into(), advice, recording: None, change, effect: Effect::Other }
+    }
+
+    fn with(self, effect: Effect) -> Self {
+        Self { effect, ..self }
     }
 
     /// Number of values that are chosen so that little is left.
@@ -129,7 +138,6 @@ struct State {
 pub(super) struct Found(Vec<Fault>);
 
 impl Found {
-    /// The faults of `observations`.
     pub(super) fn new(observations: &[Observation]) -> Self {
         let cycles = |observation: &Observation| {
             let drive = observation.input.samples();
@@ -208,8 +216,8 @@ pub(crate) fn faults_at_temperatures<R>(
 ) -> Vec<Fault> {
     let mut sorted: Vec<(Option<f64>, &R)> =
         recordings.iter().map(|recording| (temperature_c(recording), recording)).collect();
-    let known = sorted.iter().filter_map(|(temperature_c, _)| *temperature_c);
-    let (low, high) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), t| (low.min(t), high.max(t)));
+    let known: Vec<f64> = sorted.iter().filter_map(|(temperature_c, _)| *temperature_c).collect();
+    let (low, high) = range(&known);
     let is_one = high - low < observation::MIN_SPAN_K || high < low;
     if !is_one {
         sorted.sort_by(|(a, _), (b, _)| a.partial_cmp(b).unwrap_or(Ordering::Equal));
@@ -258,13 +266,9 @@ fn faults(courses: Vec<Course>, fastest_hz: f64) -> Vec<Fault> {
     }
     let left = state.rms(state.basis.square());
     if faults.is_empty() && left > UNEXPLAINED {
-        faults.push(Fault {
-            file: None,
-            finding: format!("no film explains {:.1} % of the stroke (RMS) by the drive", 100.0 * left),
-            advice: "look at the readings beside the drive: something else moves the film or the sensor",
-            size: left,
-            effect: Effect::Other,
-        });
+        let finding = format!("no film explains {:.1} % of the stroke (RMS) by the drive", 100.0 * left);
+        let advice = "look at the readings beside the drive: something else moves the film or the sensor";
+        faults.push(Fault::of_all(finding, advice, left));
     }
     faults
 }
@@ -293,7 +297,6 @@ impl State {
         (square.max(0.0) / self.blocks.reading.len() as f64).sqrt() / self.blocks.stroke_m
     }
 
-    /// The film with this change.
     fn with(&self, change: &Change) -> Self {
         let mut with = self.clone();
         match change {
@@ -307,9 +310,7 @@ impl State {
         }
         with.is_shifted |= matches!(change, Change::Drives(_));
         with.basis = with.blocks.film(&with.drives);
-        with.added.iter().for_each(|column| {
-            with.basis.add(column);
-        });
+        with.basis.extend(&with.added);
         with
     }
 
@@ -405,19 +406,14 @@ impl State {
     /// Readings of which the drive explains less than half.
     fn unrelated(&self) -> Option<Fault> {
         let readings = &self.blocks.reading;
-        let mean = readings.iter().sum::<f64>() / readings.len() as f64;
+        let mean = mean(readings);
         // A zero that goes away may be most of them.
         let share = self.basis.square_with(&self.slips()) / readings.iter().map(|x| (x - mean).powi(2)).sum::<f64>();
-        (share > UNRELATED && self.reversed().is_none()).then(|| Fault {
-            file: None,
-            finding: format!(
-                "no film explains the stroke by this drive: {:.0} % of its variance are left",
-                100.0 * share
-            ),
-            advice: "check that drive and stroke are of the same run and film, and in the same rows",
-            size: self.rms(self.basis.square()),
-            effect: Effect::Other,
-        })
+        let finding =
+            format!("no film explains the stroke by this drive: {:.0} % of its variance are left", 100.0 * share);
+        let advice = "check that drive and stroke are of the same run and film, and in the same rows";
+        let fault = Fault::of_all(finding, advice, self.rms(self.basis.square()));
+        (share > UNRELATED && self.reversed().is_none()).then_some(fault)
     }
 
     /// Rows in the wrong order of time: a film that explains them far better the other way round, before anything else is changed.

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use super::super::explained::Basis;
 use super::super::observation::SETTLES;
-use super::super::statistics::range;
 use super::{Cause, Change, Effect, State};
+use crate::statistics::range;
 
 /// Columns that begin in a recording at a time, s.
 type From<'a> = dyn Fn(usize, f64) -> Vec<Vec<f64>> + Sync + 'a;
@@ -36,6 +36,12 @@ impl State {
             .collect()
     }
 
+    /// The squares of the drives in the blocks.
+    fn loads(&self) -> Vec<f64> {
+        let square = |drive: &Vec<f64>| drive.iter().map(|value| value * value).collect();
+        self.blocks.means(&self.drives.iter().map(square).collect::<Vec<_>>())
+    }
+
     fn last_s(&self, j: usize) -> f64 {
         let time_s = &self.blocks.courses[j].time_s;
         time_s[time_s.len() - 1]
@@ -45,13 +51,9 @@ impl State {
     pub(super) fn of_sensor(&self) -> Vec<Cause> {
         let mut causes = Vec::new();
         if self.blocks.courses.len() > 1 {
-            let offsets = self.each(|_, _, _| 1.0);
-            let cause = Cause::of_all(
-                "the zero of the sensor differs between the recordings",
-                "fit with `offset` per-recording",
-                offsets,
-            );
-            causes.push(Cause { effect: Effect::Offset, ..cause });
+            let finding = "the zero of the sensor differs between the recordings";
+            let cause = Cause::of_all(finding, "fit with `offset` per-recording", self.each(|_, _, _| 1.0));
+            causes.push(cause.with(Effect::Offset));
         }
         let warm = |share: f64| self.each(move |_, t, last_s| (-t / (share * last_s)).exp());
         let mut recovers: Vec<Vec<f64>> = SETTLES.into_iter().flat_map(warm).collect();
@@ -64,19 +66,16 @@ impl State {
             "rest for ten minutes before recording, with the sensor switched on; or fit from where it has settled (`from_s`)",
             recovers,
         );
-        causes.push(Cause { effect: Effect::Settling, ..cause });
+        causes.push(cause.with(Effect::Settling));
         let cause = Cause::of_all(
             "the zero of the sensor drifts",
             "let it warm up, keep the temperature, or record shorter",
             self.each(|_, t, _| t),
         );
-        causes.push(Cause { effect: Effect::Drift, ..cause });
+        causes.push(cause.with(Effect::Drift));
         let wave = |n: f64| self.each(move |_, t, last_s| (n * std::f64::consts::PI * t / last_s).cos());
-        causes.push(Cause::of_all(
-            WANDERS,
-            STEADY,
-            [1.0, 2.0, 3.0, 4.0, 5.0, 6.0].into_iter().flat_map(wave).collect(),
-        ));
+        let waves = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0].into_iter().flat_map(wave);
+        causes.push(Cause::of_all(WANDERS, STEADY, waves.collect()));
         let mut lines = Vec::new();
         let mut strongest = (0.0, 0.0);
         for j in 0..self.blocks.courses.len() {
@@ -180,9 +179,7 @@ impl State {
 
     /// For each recording, the sum of the tops of the load that are past: those after which it falls below half of the largest.
     pub(super) fn slips(&self) -> Vec<Vec<f64>> {
-        let loads: Vec<Vec<f64>> =
-            self.drives.iter().map(|drive| drive.iter().map(|value| value * value).collect()).collect();
-        let loads = self.blocks.means(&loads);
+        let loads = self.loads();
         let mut columns = vec![vec![0.0; loads.len()]; self.blocks.courses.len()];
         let (mut recording, mut top, mut sum) = (usize::MAX, 0.0_f64, 0.0);
         for (k, &(j, _)) in self.blocks.places.iter().enumerate() {
@@ -227,9 +224,7 @@ impl State {
     /// Changes at one time, and in a part of a recording.
     pub(super) fn at_a_time(&self) -> Vec<Cause> {
         let film = self.blocks.modelled(&self.basis);
-        let loads: Vec<Vec<f64>> =
-            self.drives.iter().map(|drive| drive.iter().map(|value| value * value).collect()).collect();
-        let load = self.blocks.means(&loads);
+        let load = self.loads();
         let slope = self.slope(&film);
         let after = |j: usize, from_s: f64, values: &dyn Fn(usize) -> f64| -> Vec<f64> {
             let of = |(k, &(i, t)): (usize, &(usize, f64))| if i == j && t >= from_s { values(k) } else { 0.0 };
@@ -275,9 +270,7 @@ impl State {
                 for j in (0..count).chain(0..count) {
                     let mut basis = self.basis.clone();
                     let others = found.iter().enumerate().filter(|(other, _)| *other != j);
-                    others.flat_map(|(_, (_, columns))| columns).for_each(|column| {
-                        basis.add(column);
-                    });
+                    basis.extend(others.flat_map(|(_, (_, columns))| columns));
                     found[j] = scan(&basis, j);
                 }
                 let times: Vec<String> = found.iter().map(|(at_s, _)| format!("{at_s:.1}")).collect();

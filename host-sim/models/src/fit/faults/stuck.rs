@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::super::explained::Course;
-use super::super::statistics::{noise, range};
 use super::{Change, Effect, Fault, SIZE, State};
+use crate::statistics::{noise, range};
 
 /// Change of the load, as a share of the largest, that moves any film; at the ends of the readings, where a sensor may be at the end of its
 /// range and an amplifier too, a change that moves it away from there.

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::super::statistics;
 use super::{Cause, Change, Effect, Fault, SIZE, State};
 use crate::grid::Samples;
+use crate::statistics::{mean, noise, peak, percentile, sorted};
 
 /// Voltages with one parameter: its grid, the voltage on the film, the finding with `{}` for the parameter, how that is written, the advice, and
 /// the effect.
@@ -50,13 +50,8 @@ impl State {
         let sizes = || self.drives.iter().flatten().map(|volts| volts.abs()).filter(|volts| *volts > 0.01);
         let is_crossed = sizes().filter(|volts| *volts < share).count() as f64 > CROSSED * sizes().count() as f64;
         let is_better = with < PLAINER * without && with < AS_GOOD * self.basis.square() && size > SIZE;
-        (is_better && is_crossed).then(|| Fault {
-            file: None,
-            finding: DEAD_BAND.replace("{}", &percent(share)),
-            advice: ZERO,
-            size,
-            effect: Effect::Other,
-        })
+        let fault = Fault::of_all(DEAD_BAND.replace("{}", &percent(share)), ZERO, size);
+        (is_better && is_crossed).then_some(fault)
     }
 
     /// Voltages that are near 0, and not 0, where the drive rests or turns: a film does not show them.
@@ -67,18 +62,15 @@ impl State {
         }
         let lowest = courses.iter().zip(&self.drives).map(|(course, volts)| lowest(&course.time_s, volts));
         let lowest: Vec<f64> = lowest.collect::<Option<_>>()?;
-        let mean = lowest.iter().sum::<f64>() / lowest.len() as f64;
+        let mean = mean(&lowest);
         let are_alike = lowest.iter().all(|low| (low - mean).abs() < 0.5 * mean.abs());
-        (are_alike && OFF_ZERO.contains(&mean.abs())).then(|| Fault {
-            file: None,
-            finding: format!(
-                "the voltage is {:.2} % of the largest where it is lowest: a zero of the monitor that is off, unless the amplifier gives it",
-                100.0 * mean
-            ),
-            advice: "measure the monitor while the amplifier is off, and subtract that from the voltages",
-            size: OF_ZERO * mean.abs(),
-            effect: Effect::Other,
-        })
+        let finding = format!(
+            "the voltage is {:.2} % of the largest where it is lowest: a zero of the monitor that is off, unless the amplifier gives it",
+            100.0 * mean
+        );
+        let advice = "measure the monitor while the amplifier is off, and subtract that from the voltages";
+        let fault = Fault::of_all(finding, advice, OF_ZERO * mean.abs());
+        (are_alike && OFF_ZERO.contains(&mean.abs())).then_some(fault)
     }
 
     /// Voltages on the film that are not the recorded ones.
@@ -93,7 +85,7 @@ impl State {
         let slopes = courses.iter().zip(&self.drives).flat_map(|(course, volts)| {
             course.time_s.windows(2).zip(volts.windows(2)).map(|(t, v)| (v[1] - v[0]).abs() / (t[1] - t[0]))
         });
-        let steepest = percentile(slopes.collect(), 0.995);
+        let steepest = percentile(&sorted(slopes), 0.995);
         let has_both = self.drives.iter().flatten().any(|volts| *volts < -0.05);
         let families: [Family<'_>; 12] = [
             (
@@ -220,11 +212,10 @@ fn milliseconds(time_s: f64) -> String {
 
 /// The voltage at which `volts` of one polarity stay for a while where they are lowest; none where they do not stay.
 fn lowest(time_s: &[f64], volts: &[f64]) -> Option<f64> {
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let polarity = volts.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()))?.signum();
     let smooth: Vec<f64> = volts.windows(REST_ROWS).map(mean).collect();
     let least = smooth.iter().copied().min_by(|a, b| (polarity * a).total_cmp(&(polarity * b)))?;
-    let near = SAME.max(4.0 * statistics::noise(volts));
+    let near = SAME.max(4.0 * noise(volts));
     let is_near = |k: &usize| (smooth[*k] - least).abs() <= near;
     let rows: Vec<usize> = (0..smooth.len()).filter(is_near).collect();
     let runs = rows.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[run.len() - 1] + REST_ROWS);
@@ -235,11 +226,6 @@ fn lowest(time_s: &[f64], volts: &[f64]) -> Option<f64> {
 /// `volts` without the part within `share`.
 fn beyond(share: f64, volts: &[f64]) -> Vec<f64> {
     volts.iter().map(|v| v.signum() * (v.abs() - share).max(0.0)).collect()
-}
-
-fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[((values.len() - 1) as f64 * share) as usize]
 }
 
 /// `volts` later by `shift_s`.
@@ -265,7 +251,7 @@ fn smoothed(band: f64, time_s: &[f64], volts: &[f64]) -> Vec<f64> {
 
 /// `volts` with the tops that end at the largest value replaced by parabolas, as the slopes beside them continue.
 fn arched(time_s: &[f64], volts: &[f64]) -> Vec<f64> {
-    let peak = volts.iter().fold(0.0_f64, |peak, v| peak.max(v.abs()));
+    let peak = peak(volts);
     let near = |k: usize| volts[k].abs() > 0.99 * peak;
     let mut arched = volts.to_vec();
     let mut from = 0;
