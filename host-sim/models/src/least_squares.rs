@@ -52,20 +52,30 @@ impl Minimum {
     /// Share of the cost by which a step of Gauss and Newton over the variables `free` would decrease it, in directions whose singular values
     /// are above the share `rank` of the largest.
     pub fn left(&self, free: &[usize], rank: f64) -> f64 {
-        let length = |i: usize| self.normal[(i, i)].sqrt().max(f64::MIN_POSITIVE);
-        let scaled = DMatrix::from_fn(free.len(), free.len(), |i, j| {
-            self.normal[(free[i], free[j])] / (length(free[i]) * length(free[j]))
-        });
+        let (scaled, lengths) = unit_diagonal(&self.normal, free);
         if self.cost <= 0.0 || free.is_empty() || !scaled.iter().all(|value| value.is_finite()) {
             return 0.0;
         }
-        let gradient = DVector::from_fn(free.len(), |i, _| self.gradient[free[i]] / length(free[i]));
+        let gradient = DVector::from_fn(free.len(), |i, _| self.gradient[free[i]] / lengths[i]);
         let eigen = scaled.symmetric_eigen();
         let least = rank * rank * eigen.eigenvalues.max();
         let directions = eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter());
         let known = directions.filter(|(value, _)| **value > least);
         0.5 * known.map(|(value, vector)| vector.dot(&gradient).powi(2) / value).sum::<f64>() / self.cost
     }
+}
+
+/// The rows and columns `free` of Jᵀ J with unit diagonal, and the lengths that were divided out.
+pub(crate) fn unit_diagonal(normal: &DMatrix<f64>, free: &[usize]) -> (DMatrix<f64>, Vec<f64>) {
+    let lengths: Vec<f64> = free.iter().map(|&i| normal[(i, i)].sqrt().max(f64::MIN_POSITIVE)).collect();
+    let scaled = |i: usize, j: usize| normal[(free[i], free[j])] / (lengths[i] * lengths[j]);
+    (DMatrix::from_fn(free.len(), free.len(), scaled), lengths)
+}
+
+/// The inverse of the matrix whose lengths were divided out; none where it is singular.
+pub(crate) fn inverse(unit_diagonal: DMatrix<f64>, lengths: &[f64]) -> Option<DMatrix<f64>> {
+    let inverse = unit_diagonal.cholesky()?.inverse();
+    Some(DMatrix::from_fn(lengths.len(), lengths.len(), |i, j| inverse[(i, j)] / (lengths[i] * lengths[j])))
 }
 
 /// Stopping criteria of a search.
@@ -118,7 +128,6 @@ pub fn minimise<P: Problem>(problem: &P, start: &[f64], stopping: StoppingCriter
     Some(Minimum { values: search.values, cost: search.cost, normal, gradient, converged })
 }
 
-/// State of a search.
 struct Search<'a, P: Problem> {
     problem: &'a P,
     values: Vec<f64>,

@@ -10,8 +10,10 @@ use nalgebra::DMatrix;
 
 use crate::error::{Error, Result};
 use crate::files::amplifier_log::AmplifierLog;
-use crate::fit::statistics::effective_samples;
+use crate::fit::residuals::effective_samples;
 use crate::fit::uncertainty::{CHI_SQUARE, NORMAL};
+use crate::least_squares::{inverse, unit_diagonal};
+use crate::statistics::{differences, mean, median, rms};
 use response::Fall;
 use search::{FALL, Found, GAIN, MAX_S, OFFSET, RISE, Search};
 
@@ -145,13 +147,8 @@ impl Spread {
         let freedom = (effective_samples(residuals) - count as f64).max(1.0);
         // A log without noise is still written with so many digits.
         let variance = (2.0 * found.minimum.cost / freedom).max((1e-6 * span_v).powi(2));
-        let normal = &found.minimum.normal;
-        let length: Vec<f64> = (0..count).map(|i| normal[(i, i)].sqrt().max(f64::MIN_POSITIVE)).collect();
-        let scaled = DMatrix::from_fn(count, count, |i, j| normal[(i, j)] / (length[i] * length[j]));
-        let inverse = scaled.cholesky().map(|factor| factor.inverse());
-        let inverse =
-            inverse.map(|inverse| DMatrix::from_fn(count, count, |i, j| inverse[(i, j)] / (length[i] * length[j])));
-        Self { variance, inverse }
+        let (scaled, lengths) = unit_diagonal(&found.minimum.normal, &(0..count).collect::<Vec<_>>());
+        Self { variance, inverse: inverse(scaled, &lengths) }
     }
 
     /// Half the width of the 95 % interval of variable `index`.
@@ -236,27 +233,21 @@ fn unexplained(identified: &Identification, span_v: f64) -> Option<String> {
 
 /// RMS noise (V) of residuals, from their second differences: robust against what is slow or rare.
 fn noise(residuals: &[f64]) -> f64 {
-    let mut second: Vec<f64> = residuals.windows(3).map(|r| (r[0] - 2.0 * r[1] + r[2]).abs()).collect();
-    second.sort_by(f64::total_cmp);
-    let median = second.get(second.len() / 2).copied().unwrap_or(0.0);
+    let second: Vec<f64> = residuals.windows(3).map(|r| (r[0] - 2.0 * r[1] + r[2]).abs()).collect();
     // Median of |normal|, and the second difference of white noise.
-    median / 0.6745 / 6.0_f64.sqrt()
+    median(&second) / 0.6745 / 6.0_f64.sqrt()
 }
 
 /// RMS error (V) of a monitor's resolution: its smallest change.
 fn quantisation(log: &AmplifierLog) -> f64 {
-    let changes = log.monitor_v.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|change| *change > 0.0);
+    let changes = differences(&log.monitor_v).map(f64::abs).filter(|change| *change > 0.0);
     let quantum = changes.fold(f64::INFINITY, f64::min);
     if quantum.is_finite() { quantum / 12.0_f64.sqrt() } else { 0.0 }
-}
-
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
 /// Variance of the monitor's readings, V².
 fn variance(log: &AmplifierLog) -> f64 {
     let readings: Vec<f64> = log.monitor_v.iter().copied().filter(|volts| !volts.is_nan()).collect();
-    let mean = readings.iter().sum::<f64>() / readings.len() as f64;
-    readings.iter().map(|volts| (volts - mean).powi(2)).sum::<f64>() / readings.len() as f64
+    let middle = mean(&readings);
+    readings.iter().map(|volts| (volts - middle).powi(2)).sum::<f64>() / readings.len() as f64
 }

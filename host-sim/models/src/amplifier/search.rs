@@ -38,7 +38,6 @@ pub(super) struct Search<'a> {
     span_v: f64,
 }
 
-/// Where a search has ended.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     pub(super) values: Values,
@@ -128,7 +127,6 @@ impl<'a> Search<'a> {
         Some(Found { values: problem.whole(&minimum.values), free: free.to_vec(), minimum })
     }
 
-    /// Natural size of variable `index`.
     fn size(&self, index: usize) -> f64 {
         match index {
             RISE | FALL => 0.1,

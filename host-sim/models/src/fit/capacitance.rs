@@ -10,7 +10,7 @@ use springpot::{
 use crate::error::{Error, Result};
 use crate::files::capacitance::{CapacitanceFile, ToneRecording};
 use crate::files::parameters::Board;
-use crate::fit::statistics;
+use crate::statistics::{self, differences, noise, peak, sorted};
 
 /// Capacitance and displacement of the same block.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,7 +35,6 @@ pub struct CapacitanceFit {
     pub stroke_m: f64,
 }
 
-/// Orders that are tried.
 const ORDERS: [f64; 12] = [0.03, 0.06, 0.1, 0.14, 0.18, 0.23, 0.28, 0.34, 0.4, 0.5, 0.6, 0.75];
 /// Rounds in which the polynomial and what creeps of it agree.
 const ROUNDS: usize = 5;
@@ -76,14 +75,9 @@ pub fn fit(samples: &[CapacitanceSample], interval_s: f64) -> Result<Capacitance
     let max_f = samples.iter().map(|s| s.capacitance_f).fold(0.0, f64::max);
     let stroke_m = samples.iter().map(|s| s.displacement_m).fold(0.0, f64::max);
     let straight = solve(samples, interval_s, (rest_f, max_f), None)?;
-    let mut best: Option<(CapacitanceRelation, f64)> = None;
-    for alpha in ORDERS {
-        let found = solve(samples, interval_s, (rest_f, max_f), Some(alpha))?;
-        if best.is_none_or(|(_, least)| found.1 < least) {
-            best = Some(found);
-        }
-    }
-    let (relation, rms_m) = best.unwrap_or(straight);
+    let crept = ORDERS.iter().map(|&alpha| solve(samples, interval_s, (rest_f, max_f), Some(alpha)));
+    let crept = crept.collect::<Result<Vec<_>>>()?;
+    let (relation, rms_m) = crept.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or(straight);
     let [a, b, c] = relation.stroke_m;
     let range = relation.max_f / relation.rest_f - 1.0;
     let rises = (0..=32).all(|k| {
@@ -244,7 +238,7 @@ impl Prospect {
     /// while the voltage changes slowly. None for a film that does not move.
     #[must_use]
     pub fn new(actuator: &Actuator, board: &Board, stroke_m: f64, step_s: f64, monitor_v: &[f64]) -> Option<Self> {
-        let voltage_noise_v = statistics::noise(monitor_v).max(smallest_step(monitor_v) / 12f64.sqrt());
+        let voltage_noise_v = noise(monitor_v).max(smallest_step(monitor_v) / 12f64.sqrt());
         // The current monitor is not known: as if it had no noise.
         let options = SelfSensingOptions {
             step_s,
@@ -309,7 +303,7 @@ pub fn identify(recording: &ToneRecording, cable_f: f64) -> Result<(CapacitanceF
         periods,
         voltage_noise_v: voltage.noise.max(1e-9),
         current_noise_a: current.noise.max(1e-15),
-        max_current_a: 4.0 * current_a.iter().fold(0.0, |largest: f64, a| largest.max(a.abs())).max(1e-12),
+        max_current_a: 4.0 * peak(current_a).max(1e-12),
         cable_f,
         ..SelfSensingOptions::BENCH
     };
@@ -361,12 +355,9 @@ pub fn identify(recording: &ToneRecording, cable_f: f64) -> Result<(CapacitanceF
 
 /// Smallest difference of two values that are not the same.
 fn smallest_step(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let size = sorted.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
     // Decimals of a file are no resolution.
-    let steps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-9 * size);
-    steps.fold(f64::INFINITY, f64::min)
+    let least = 1e-9 * peak(values);
+    differences(&sorted(values.iter().copied())).filter(|step| *step > least).fold(f64::INFINITY, f64::min)
 }
 
 /// The tone in a signal, block by block.
@@ -389,10 +380,8 @@ impl Tones {
         };
         let phasors: Vec<[f64; 2]> = parts.chunks_exact(ticks).map(|block| [sum(block, 0), sum(block, 1)]).collect();
         let square = |[a, b]: [f64; 2]| a * a + b * b;
-        let median = |mut squares: Vec<f64>| {
-            squares.sort_by(f64::total_cmp);
-            squares.get(squares.len() / 2).copied().unwrap_or(0.0)
-        };
+        // 0 without a block.
+        let median = |squares: Vec<f64>| statistics::median(&squares).max(0.0);
         let ticks = ticks as f64;
         let amplitude = median(phasors.iter().map(|&z| square(z)).collect()).sqrt() / (4.0 * ticks);
         // Each part of a phasor has 32 n variances of a value; the square of a difference of two has the median ln 2 times its mean.

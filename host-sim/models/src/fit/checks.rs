@@ -10,18 +10,20 @@ use springpot::{Actuator, Maxwell, Springpot, TemperatureDependence, Topology};
 
 use super::candidate::Candidate;
 use super::observation::{Excitation, MIN_SPAN_K, Observation, temperatures_c};
-use super::preparation::{Severity, Warning};
+use super::preparation::Severity::{Caution, Note, Serious};
+use super::preparation::Warning;
+use super::residuals::{Loss, Whiteness};
 use super::selection::{StructureRow, has_one_amplitude};
 use super::settings::Settings;
-use super::statistics::{self, Loss, Whiteness, median};
 use super::uncertainty::Uncertainty;
 use crate::files::recording::Input;
+use crate::statistics::{median, peak, percentile_range, robust_deviation};
 
 /// Sizes that are not the film's own: only a voltage needs them.
 pub fn of_sizes(settings: &Settings, excitation: Excitation, warnings: &mut Vec<Warning>) {
     if settings.assumed_sizes && excitation.voltage_driven {
         let Actuator { length_m, width_m, thickness_m, .. } = settings.actuator;
-        warnings.push(Severity::Serious.warning(format!(
+        warnings.push(Serious.warning(format!(
             "the film's sizes are assumed ({:.0} mm × {:.0} mm × {:.0} µm, the paper's): displacements hold well below the resonance, \
              forces and c are only proportional, and no field limit is checked; give the film's own sizes with `actuator`",
             1e3 * length_m,
@@ -39,14 +41,14 @@ pub fn of_temperatures(observations: &[Observation], candidate: &Candidate, warn
     if let Some(TemperatureDependence { stiffness_per_k, activation_kj_per_mol, .. }) = candidate.temperature
         && (stiffness_per_k.abs() > MAX_SLOPE || !ACTIVATIONS.contains(&activation_kj_per_mol))
     {
-        warnings.push(Severity::Serious.warning(format!(
+        warnings.push(Serious.warning(format!(
             "{:.1} % of the stiffness per K and {activation_kj_per_mol:.0} kJ/mol are those of no elastomer: record the same voltages at each temperature",
             100.0 * stiffness_per_k
         )));
     }
     let has = |observation: &&Observation| observation.temperature_c.is_some();
     if let (Some(_), Some(without)) = (observations.iter().find(has), observations.iter().find(|o| !has(o))) {
-        warnings.push(Severity::Serious.warning(format!(
+        warnings.push(Serious.warning(format!(
             "{} has no column temperature_c, and others have: it is taken as at their temperature",
             without.name
         )));
@@ -62,7 +64,7 @@ pub fn of_temperatures(observations: &[Observation], candidate: &Candidate, warn
             "recorded at {low:.1} to {high:.1} °C, and pattern search fits no dependence on the temperature: use `method` lm"
         )
     };
-    let severity = if high - low < MIN_SPAN_K { Severity::Note } else { Severity::Serious };
+    let severity = if high - low < MIN_SPAN_K { Note } else { Serious };
     warnings.push(severity.warning(text));
 }
 
@@ -71,7 +73,7 @@ pub fn of_excitation(excitation: Excitation, warnings: &mut Vec<Warning>) {
     if !excitation.varies {
         let shown =
             if excitation.displacement_fitted { "creep under one load" } else { "relaxation at one displacement" };
-        warnings.push(Severity::Note.warning(format!("the input is constant: the recordings show {shown} only")));
+        warnings.push(Note.warning(format!("the input is constant: the recordings show {shown} only")));
     }
 }
 
@@ -94,14 +96,14 @@ pub fn of_delay(candidate: &Candidate, uncertainty: Option<&Uncertainty>, warnin
              `sensor_delay_s` fixes it"
         )
     };
-    warnings.push(Severity::Caution.warning(text));
+    warnings.push(Caution.warning(text));
 }
 
 /// Structures that fit better than the chosen one and could not be compared on what was left out.
 pub fn of_structures(rows: &[StructureRow], warnings: &mut Vec<Warning>) {
     let chosen = rows.iter().find(|row| row.chosen).map_or(0.0, |row| row.nrmse_pct);
     for row in rows.iter().filter(|row| row.nrmse_pct < chosen && row.left_out_missing.is_some()) {
-        warnings.push(Severity::Caution.warning(format!(
+        warnings.push(Caution.warning(format!(
             "{} n = {} {} fits with {:.3} % instead of {chosen:.3} % and was not chosen, because {}; ask for it with `curve` and `branches`",
             row.topology.name(),
             row.branches,
@@ -116,7 +118,7 @@ pub fn of_structures(rows: &[StructureRow], warnings: &mut Vec<Warning>) {
 pub fn of_amplitudes(observations: &[Observation], candidate: &Candidate, warnings: &mut Vec<Warning>) {
     let bent = !candidate.is_straight() || candidate.actuator.saturation_v.is_some();
     if bent && has_one_amplitude(observations) {
-        warnings.push(Severity::Caution.warning(
+        warnings.push(Caution.warning(
             "only one amplitude was recorded: the curve is open, since creep and stiffening look alike there; record a second \
              amplitude, half as large"));
     }
@@ -129,15 +131,14 @@ pub fn of_order(candidate: &Candidate, warnings: &mut Vec<Warning>) {
         1.0 => "1, its upper limit: a plain dashpot, which never comes to rest under a constant load",
         _ => return,
     };
-    warnings
-        .push(Severity::Note.warning(format!("main.alpha is {what}; record longer, with slower and faster cycles")));
+    warnings.push(Note.warning(format!("main.alpha is {what}; record longer, with slower and faster cycles")));
 }
 
 /// A search that did not converge.
 pub fn of_convergence(converged: bool, warnings: &mut Vec<Warning>) {
     if !converged {
         warnings.push(
-            Severity::Caution.warning(
+            Caution.warning(
                 "the search ran out of iterations, so the parameters are not final and have no intervals; continue it with `start` and this \
                  result",
             ),
@@ -150,9 +151,7 @@ pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings
     if !uncertainty.undetermined.is_empty() {
         let sets = uncertainty.undetermined.join("; ");
         let branches = described_branches(candidate, &|branch| sets.contains(&format!("branches[{branch}]")));
-        warnings.push(
-            Severity::Note.warning(format!("the recordings leave {sets} free: other values fit as well{branches}")),
-        );
+        warnings.push(Note.warning(format!("the recordings leave {sets} free: other values fit as well{branches}")));
     }
     let at_bound = |branch: usize, quantity: &str| {
         let of_branch = format!("branches[{branch}]");
@@ -162,13 +161,11 @@ pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings
     let idle = described_branches(candidate, &|branch| at_bound(branch, ".c"));
     if !idle.is_empty() {
         warnings.push(
-            Severity::Note
-                .warning(format!("a branch whose c is on its bound has no effect: fewer branches will do{idle}")),
+            Note.warning(format!("a branch whose c is on its bound has no effect: fewer branches will do{idle}")),
         );
     }
     if uncertainty.estimates.iter().any(|estimate| estimate.at_bound && estimate.name == "main.c") {
-        warnings
-            .push(Severity::Note.warning("main.c is on its bound: the springpot beside the branches has no effect"));
+        warnings.push(Note.warning("main.c is on its bound: the springpot beside the branches has no effect"));
     }
     let others: Vec<String> = uncertainty
         .estimates
@@ -177,7 +174,7 @@ pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings
         .map(|e| format!("{} = {}", e.name, e.value))
         .collect();
     if !others.is_empty() {
-        warnings.push(Severity::Caution.warning(format!("on their bounds: {}", others.join(", "))));
+        warnings.push(Caution.warning(format!("on their bounds: {}", others.join(", "))));
     }
 }
 
@@ -206,8 +203,7 @@ impl Misfit {
     pub fn new(observations: &[Observation], residuals: &[Vec<f64>], chosen: Option<&StructureRow>) -> Self {
         let whiteness = Whiteness::new(residuals.iter().map(Vec::len), &residuals.concat());
         let squares = observations.iter().zip(residuals).flat_map(|(observation, residuals)| {
-            let stroke =
-                statistics::percentile_range(observation.measured.value.iter().copied()).max(f64::MIN_POSITIVE);
+            let stroke = percentile_range(observation.measured.value.iter().copied()).max(f64::MIN_POSITIVE);
             residuals.iter().map(move |r| (r / stroke).powi(2))
         });
         let count = residuals.iter().map(Vec::len).sum::<usize>().max(1);
@@ -236,10 +232,10 @@ pub fn of_whiteness(white: bool, misfit: Misfit, expected_pct: f64, drive: &Inpu
         return;
     }
     let (severity, size) = match misfit.systematic_pct.max(expected_pct / FAULTY) {
-        small if small < 0.1 => (Severity::Note, "negligible"),
-        small if small < 0.5 => (Severity::Note, "small"),
-        medium if medium < 2.0 => (Severity::Caution, "notable"),
-        _ => (Severity::Serious, "large"),
+        small if small < 0.1 => (Note, "negligible"),
+        small if small < 0.5 => (Note, "small"),
+        medium if medium < 2.0 => (Caution, "notable"),
+        _ => (Serious, "large"),
     };
     let (range, follows) = match drive {
         Input::Voltage(_) => ("stroke", "feedforward"),
@@ -258,12 +254,12 @@ pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<Warning>) {
     // Outliers shift the fit, so that the mean of the other residuals is not zero.
     let middle = median(residuals);
     let centred: Vec<f64> = residuals.iter().map(|r| r - middle).collect();
-    let limit = 6.0 * statistics::robust_deviation(&centred);
+    let limit = 6.0 * robust_deviation(&centred);
     let outliers = centred.iter().filter(|r| r.abs() > limit).count();
     if outliers > 0 && limit > 0.0 {
         let advice = if loss == Loss::Square { "; `loss` huber reduces their effect" } else { "" };
         let share = 100.0 * outliers as f64 / residuals.len() as f64;
-        warnings.push(Severity::Caution.warning(format!(
+        warnings.push(Caution.warning(format!(
             "{outliers} outliers ({share:.2} % of the values, more than 6 standard deviations){advice}"
         )));
     }
@@ -282,26 +278,19 @@ pub fn of_units(
 ) {
     for observation in observations {
         let name = &observation.name;
-        if let Input::Voltage(voltage) = &observation.input {
-            let peak = voltage.value.iter().fold(0.0, |peak: f64, v| peak.max(v.abs()));
-            let field = peak / actuator.thickness_m;
-            if field > MAX_FIELD {
-                warnings.push(Severity::Serious.warning(format!(
-                    "{name}: {peak} V over {} m are {field:.1e} V/m; check the units",
-                    actuator.thickness_m
-                )));
-            }
-        }
         // Only a voltage needs the film's size.
-        if matches!(observation.input, Input::Voltage(_)) {
-            let stroke = statistics::percentile_range(observation.measured.value.iter().copied());
-            let size = actuator.length_m.max(actuator.width_m);
-            if stroke > 2.0 * size {
-                warnings.push(
-                    Severity::Serious
-                        .warning(format!("{name}: a stroke of {stroke:.3} m of a film of {size} m; check the units")),
-                );
-            }
+        let Input::Voltage(voltage) = &observation.input else { continue };
+        let (peak_v, thickness_m) = (peak(&voltage.value), actuator.thickness_m);
+        let field = peak_v / thickness_m;
+        if field > MAX_FIELD {
+            let text = format!("{name}: {peak_v} V over {thickness_m} m are {field:.1e} V/m; check the units");
+            warnings.push(Serious.warning(text));
+        }
+        let stroke = percentile_range(observation.measured.value.iter().copied());
+        let size = actuator.length_m.max(actuator.width_m);
+        if stroke > 2.0 * size {
+            let text = format!("{name}: a stroke of {stroke:.3} m of a film of {size} m; check the units");
+            warnings.push(Serious.warning(text));
         }
     }
     if r2_mean < 0.5 && loss == Loss::Square {
@@ -311,8 +300,7 @@ pub fn of_units(
             _ => "displacement grows with voltage",
         };
         warnings.push(
-            Severity::Serious
-                .warning(format!("the model explains little (R² {r2_mean:.3}): check the units, and that {grows}")),
+            Serious.warning(format!("the model explains little (R² {r2_mean:.3}): check the units, and that {grows}")),
         );
     }
 }

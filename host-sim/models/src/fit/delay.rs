@@ -11,7 +11,6 @@ use springpot::{Springpot, Topology};
 use super::candidate::{Candidate, Variable};
 use super::descent::{Context, Found};
 use super::objective::Objective;
-use super::statistics::Whiteness;
 use crate::least_squares::StoppingCriteria;
 
 /// Share of a cost to which a delay must bring it: what a model does not follow of a film, a delay may make a quarter smaller.
@@ -89,8 +88,7 @@ fn shown(context: &Context<'_>, prompt: &Found, late: &Found) -> Option<f64> {
     let film = Candidate { delay_s: prompt.candidate.delay_s, ..late.candidate.clone() };
     let lags = [&prompt.candidate, &film].into_iter().filter_map(lag);
     let least = lags.fold(prompt.minimum.cost, f64::min);
-    let residuals = context.coarse.residuals(&context.coarse.evaluate(&late.candidate)?);
-    let samples = Whiteness::new(context.coarse.values(), &residuals).effective_samples;
+    let samples = context.coarse.whiteness(&late.candidate)?.effective_samples;
     let share = late.minimum.cost / least;
     let is_shown = share <= WORTH
         && (1.0 - share) * samples > SIGNIFICANT

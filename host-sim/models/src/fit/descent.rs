@@ -12,12 +12,13 @@ use springpot::{Actuator, TemperatureDependence, Topology};
 use super::candidate::{Candidate, Variable};
 use super::objective::{Evaluation, Objective};
 use super::observation::{self, Excitation, Observation};
+use super::residuals::{Huber, Loss};
 use super::settings::{Method, Settings};
 use super::starts::{self, Scales};
-use super::statistics::{self, Huber, Loss, Weights, range};
 use crate::error::{Error, Result};
 use crate::least_squares::{self, Minimum, Problem, StoppingCriteria};
 use crate::reduce;
+use crate::statistics::{percentile_range, range};
 
 /// Steps of thinned recordings up to which a search from many starts sees all of them.
 const MAX_SCOUTED_STEPS: f64 = 8_192.0;
@@ -336,7 +337,7 @@ impl Context<'_> {
             base: start,
             bounds: variables.iter().map(|variable| variable.bounds_in(start)).collect(),
             variables,
-            weights: None,
+            weights: Vec::new(),
             stop: self.stop,
             evaluations: self.evaluations,
         };
@@ -350,10 +351,6 @@ impl Context<'_> {
     }
 
     /// The minimum on all samples from a `start` of the user.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Computation`] if `start` has no response.
     pub fn refined(&self, start: &Candidate, topology: Topology) -> Result<Found> {
         let start = Candidate { topology, delay_s: self.delay_s, temperature: self.temperature, ..start.clone() };
         self.descend(self.fine, &start, StoppingCriteria { iterations: 100, decrease: 1e-9 })
@@ -361,28 +358,31 @@ impl Context<'_> {
     }
 
     /// `found` with its branches in the order in which they are written.
-    pub fn in_order(&self, found: Found) -> Found {
+    pub fn in_order(&self, found: Found, method: Method) -> Found {
         let Some(candidate) = found.in_order() else { return found };
+        if method == Method::PatternSearch {
+            return Found { candidate, ..found };
+        }
         // One more step gives the derivatives.
         let stopping = StoppingCriteria { iterations: 2, decrease: 1e-9 };
         let again = self.descend_over(self.fine, &candidate, found.variables.clone(), stopping);
-        match again {
-            Some(mut again) => {
-                again.minimum.converged = found.minimum.converged;
-                again
-            }
-            None => found,
-        }
+        let Some(Found { candidate, variables, minimum }) = again else { return found };
+        Found { candidate, variables, minimum: Minimum { converged: found.minimum.converged, ..minimum } }
     }
 }
 
 impl Found {
     /// The candidate with its branches in the order in which they are written; none if they are.
-    pub fn in_order(&self) -> Option<Candidate> {
+    fn in_order(&self) -> Option<Candidate> {
         let ordered = reduce::ordered(&self.candidate.model().ok()?).ok()?;
         let candidate = Candidate { elements: Candidate::elements_of(&ordered), ..self.candidate.clone() };
         (candidate != self.candidate).then_some(candidate)
     }
+}
+
+/// The one of `found` with the least cost.
+pub(super) fn least<'a>(found: impl Iterator<Item = &'a Found>) -> Option<&'a Found> {
+    found.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost))
 }
 
 /// `found`, the least cost first.
@@ -391,13 +391,13 @@ fn sorted(mut found: Vec<Found>) -> Vec<Found> {
     found
 }
 
-/// A descent from one start.
 struct Descent<'a> {
     objective: &'a Objective,
     base: &'a Candidate,
     variables: Vec<Variable>,
     bounds: Vec<(f64, f64)>,
-    weights: Option<Weights>,
+    /// Factors of the residuals; empty where they are 1.
+    weights: Vec<f64>,
     worthwhile: f64,
     stop: &'a AtomicBool,
     evaluations: &'a AtomicUsize,
@@ -412,14 +412,18 @@ impl Descent<'_> {
         candidate
     }
 
+    fn weigh(&self, residuals: &mut [f64]) {
+        residuals.iter_mut().zip(&self.weights).for_each(|(value, weight)| *value *= weight);
+    }
+
     /// The minimum of Huber's loss by iteratively reweighted least squares, from the `minimum` of squares.
     fn reweighted(&mut self, mut minimum: Minimum, stopping: StoppingCriteria) -> Option<Minimum> {
         const PASSES: usize = 6;
-        let huber = Huber::new(statistics::percentile_range(self.objective.measured().flatten().copied()));
+        let huber = Huber::new(percentile_range(self.objective.measured().flatten().copied()));
         for pass in 0..PASSES {
             let before = minimum.values;
             let evaluation = self.objective.evaluate(&self.candidate(&before))?;
-            self.weights = Some(huber.weights(&self.objective.residuals(&evaluation)));
+            self.weights = huber.weights(&self.objective.residuals(&evaluation));
             // After the first pass the start is close.
             let iterations = if pass == 0 { stopping.iterations } else { stopping.iterations.min(8) };
             minimum = least_squares::minimise(self, &before, StoppingCriteria { iterations, ..stopping })?;
@@ -441,17 +445,13 @@ impl Problem for Descent<'_> {
         self.evaluations.fetch_add(1, Ordering::Relaxed);
         let evaluation = self.objective.evaluate(&self.candidate(values))?;
         let mut residuals = self.objective.residuals(&evaluation);
-        if let Some(weights) = &self.weights {
-            weights.apply(&mut residuals);
-        }
+        self.weigh(&mut residuals);
         Some((residuals, evaluation))
     }
 
     fn jacobian(&self, values: &[f64], evaluation: &Evaluation) -> Vec<Vec<f64>> {
         let mut columns = self.objective.jacobian(&self.candidate(values), evaluation, &self.variables);
-        if let Some(weights) = &self.weights {
-            columns.iter_mut().for_each(|column| weights.apply(column));
-        }
+        columns.iter_mut().for_each(|column| self.weigh(column));
         columns
     }
 

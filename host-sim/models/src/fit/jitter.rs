@@ -2,6 +2,7 @@
 
 use super::observation::Observation;
 use super::preparation::{Severity, Warning};
+use crate::statistics::differences;
 
 /// Mean of how uneven intervals are, above which a clock may jitter.
 const UNEVEN: f64 = 0.05;
@@ -28,7 +29,7 @@ pub(super) fn warn(jitter_s: f64, warnings: &mut Vec<Warning>) {
 }
 
 fn of_rows(time_s: &[f64], modelled: &[f64], residuals: &[f64]) -> Option<f64> {
-    let steps: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let steps: Vec<f64> = differences(time_s).collect();
     // Lost rows leave whole ratios, rows that become sparser a step between those beside it.
     let off = |steps: &[f64]| {
         let ratio = steps[0].max(steps[1]) / steps[0].min(steps[1]);

@@ -9,9 +9,10 @@ use super::candidate::Candidate;
 use super::descent::{Context, Found};
 use super::objective::{Evaluation, Objective};
 use super::observation::Observation;
-use super::statistics::{self, Loss, range};
+use super::residuals::Loss;
 use crate::error::Result;
 use crate::least_squares::StoppingCriteria;
+use crate::statistics::{mean, noise, range, robust_deviation};
 
 /// Blocks of time of a recording, of which every second one is left out at a time.
 const BLOCKS: usize = 8;
@@ -47,10 +48,6 @@ struct Fold {
 
 impl<'a> LeftOut<'a> {
     /// The folds of `observations`, whose objective is `whole`, with an objective of the same kind for each part.
-    ///
-    /// # Errors
-    ///
-    /// As `objective`, for a part.
     pub fn new(
         observations: &[Observation],
         whole: &'a Objective,
@@ -95,17 +92,9 @@ impl<'a> LeftOut<'a> {
         Ok(Self { whole, blocks, folds })
     }
 
-    /// Relative mean squares of the structure that was `found` in every block that is left out, fold by fold.
-    ///
-    /// # Errors
-    ///
-    /// The reason why they are missing.
-    pub fn errors(&self, context: &Context<'_>, found: &Found) -> std::result::Result<Vec<f64>, String> {
-        self.refitted(context, found).map(|(errors, _)| errors)
-    }
-
-    /// The same with the fits to the parts.
-    pub(super) fn refitted(
+    /// Relative mean squares of the structure that was `found` in every block that is left out, fold by fold, and the fits to the parts; or the
+    /// reason why they are missing.
+    pub fn refitted(
         &self,
         context: &Context<'_>,
         found: &Found,
@@ -119,9 +108,14 @@ impl<'a> LeftOut<'a> {
         Ok((errors.concat(), fits))
     }
 
-    /// Mean NRMSE (%) of recordings that are left out, if there are several, from the [`errors`](Self::errors).
+    /// The number of recordings that are left out: 0 of a single one.
+    fn recordings(&self) -> usize {
+        self.blocks.iter().map(|block| block.recording + 1).max().filter(|count| *count > 1).unwrap_or(0)
+    }
+
+    /// Mean NRMSE (%) of recordings that are left out, if there are several, from the errors of [`refitted`](Self::refitted).
     pub fn nrmse_pct(&self, errors: &[f64]) -> Option<f64> {
-        let count = self.blocks.iter().map(|block| block.recording + 1).max().filter(|count| *count > 1)?;
+        let count = Some(self.recordings()).filter(|count| *count > 0)?;
         let (mut from, mut sum) = (0, 0.0);
         for fold in &self.folds[..count] {
             let values = |block: &Block| block.values.len() as f64;
@@ -132,13 +126,11 @@ impl<'a> LeftOut<'a> {
         Some(100.0 * sum / count as f64)
     }
 
-    /// NRMSE (%) of the blocks of time that are left out, from the [`errors`](Self::errors).
+    /// NRMSE (%) of the blocks of time that are left out, from these errors.
     pub(super) fn blocks_nrmse_pct(&self, errors: &[f64]) -> Option<f64> {
-        let count = self.blocks.iter().map(|block| block.recording + 1).max().filter(|count| *count > 1).unwrap_or(0);
-        let before: usize = self.folds[..count].iter().map(|fold| fold.blocks.len()).sum();
+        let before: usize = self.folds[..self.recordings()].iter().map(|fold| fold.blocks.len()).sum();
         let squares = &errors[before..];
-        let mean = squares.iter().sum::<f64>() / squares.len() as f64;
-        (!squares.is_empty()).then(|| 100.0 * mean.sqrt())
+        (!squares.is_empty()).then(|| 100.0 * mean(squares).sqrt())
     }
 
     /// Mean squares of the noise in the residuals of `evaluation`, relative to the ranges, in every block and in those that are left out, fold by
@@ -146,7 +138,7 @@ impl<'a> LeftOut<'a> {
     pub(super) fn noise(&self, evaluation: &Evaluation) -> [Vec<f64>; 2] {
         let residuals = self.whole.residuals(evaluation);
         let mut rest = residuals.as_slice();
-        let of = |values| rest.split_off(..values).map_or(0.0, |these| statistics::noise(these).powi(2));
+        let of = |values| rest.split_off(..values).map_or(0.0, |these| noise(these).powi(2));
         let recordings: Vec<f64> = self.whole.values().map(of).collect();
         let relative = |block: &Block| recordings[block.recording] / block.square;
         let left_out = self.folds.iter().flat_map(|fold| &fold.blocks);
@@ -172,7 +164,7 @@ fn mean_squares(whole: &Objective, loss: Loss, evaluation: &Evaluation, blocks: 
         let part = &residuals[start + block.values.start..start + block.values.end];
         let square = match loss {
             Loss::Square => part.iter().map(|r| r * r).sum::<f64>() / part.len() as f64,
-            Loss::Huber => statistics::robust_deviation(part).powi(2),
+            Loss::Huber => robust_deviation(part).powi(2),
         };
         square / block.square
     };

@@ -25,12 +25,12 @@ pub mod preparation;
 mod provenance;
 mod repeats;
 pub mod report;
+pub mod residuals;
 pub mod rising;
 mod search;
 pub mod selection;
 pub mod settings;
-mod starts;
-pub mod statistics;
+pub(crate) mod starts;
 mod transfer;
 pub mod uncertainty;
 
@@ -41,22 +41,22 @@ use crate::error::{Error, Result};
 use crate::files::recording::Input;
 use crate::progress::Stage;
 use crate::replay::expectation::Recorded;
+use crate::statistics::{mean, peak, range};
 use bend::Elastic;
 use candidate::{Candidate, Variable};
 use checks::Misfit;
-use descent::{Context, Found, PreparedObservations};
+use descent::{Context, PreparedObservations};
 pub use observation::ReadingFit;
 use observation::{Excitation, Observation, Reading};
 pub use options::FitOptions;
 pub use preparation::{Severity, Warning};
 pub use report::FitReport;
+pub use residuals::Loss;
 use search::{Search, Selected};
 pub use selection::StructureRow;
 use settings::Stages;
 pub use settings::{CurveChoice, Method, Settings};
 use starts::Kind;
-pub use statistics::Loss;
-use statistics::range;
 pub use uncertainty::{Estimate, Uncertainty};
 
 /// A fit.
@@ -136,7 +136,8 @@ pub fn fit(
         }
     }
     let Selected { found, rows, mut refits } = selected;
-    let mut found = in_order(&context, found, settings);
+    // A start gave the order of its branches.
+    let mut found = if settings.start.is_none() { context.in_order(found, settings.method) } else { found };
     if settings.method == Method::Lm {
         found = uncertainty::at_minimum(&context, found);
     }
@@ -162,13 +163,8 @@ pub fn fit(
 /// `observations` whose readings have the zeros of `reading` as well.
 fn with_zeros(observations: &[Observation], reading: Reading) -> Vec<Observation> {
     let with = |observation: &Observation| {
-        let own = observation.reading;
-        let reading = Reading {
-            own_offset: own.own_offset || reading.own_offset,
-            own_gain: own.own_gain,
-            drifts: reading.drifts,
-            settles: reading.settles,
-        };
+        let Reading { own_offset, own_gain, .. } = observation.reading;
+        let reading = Reading { own_offset: own_offset || reading.own_offset, own_gain, ..reading };
         Observation { reading, ..observation.clone() }
     };
     observations.iter().map(with).collect()
@@ -176,11 +172,6 @@ fn with_zeros(observations: &[Observation], reading: Reading) -> Vec<Observation
 
 /// `observations` for a fit of the temperature. Where neither they nor a start show its effect, they are at the mean of their temperatures. Where they do, each has a
 /// zero of its own, since a film rests elsewhere at another temperature.
-///
-/// # Errors
-///
-/// [`Error::Computation`] where only some of the recordings that differ have a temperature, [`Error::Field`] for a start with a spring that a fit does not
-/// change.
 fn with_temperatures(
     mut observations: Vec<Observation>,
     settings: &Settings,
@@ -239,27 +230,10 @@ pub(crate) fn refuse_copies(observations: &[Observation]) -> Result<()> {
     repeated(observations).map_or(Ok(()), |cause| Err(Error::Computation(cause)))
 }
 
-/// `found` with its branches in the order in which they are written, unless a start gave their order.
-fn in_order(context: &Context<'_>, found: Found, settings: &Settings) -> Found {
-    match (&settings.start, settings.method) {
-        (Some(_), _) => found,
-        (None, Method::Lm) => context.in_order(found),
-        (None, Method::PatternSearch) => match found.in_order() {
-            Some(candidate) => Found { candidate, ..found },
-            None => found,
-        },
-    }
-}
-
 /// Part of a lead of the stroke over the drive that may be smoothing: calibrated on centred averages of 0.3 and 0.5 s.
 const SMOOTHED: f64 = 0.55;
 
 impl Fit {
-    /// The fit that ends with `found`.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Computation`] if `found` has no response.
     fn new(
         context: &Context<'_>,
         observations: &[Observation],
@@ -348,7 +322,7 @@ fn expected_pct(context: &Context<'_>, candidate: &Candidate, refits: &[Candidat
             Some(off.iter().zip(&whole).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / whole.len() as f64)
         };
         let squares: Vec<f64> = refits.iter().map(square).collect::<Option<_>>()?;
-        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+        (!squares.is_empty()).then(|| mean(&squares).sqrt())
     };
     let [_, largest_m] = recorded.error_m(difference(), recorded.speed_m_per_s / std::f64::consts::SQRT_2);
     100.0 * largest_m / stroke_m.max(f64::MIN_POSITIVE)
@@ -362,19 +336,8 @@ fn recorded(
     candidate: &Candidate,
     misfit: Misfit,
 ) -> Recorded {
-    let mut recorded = Recorded {
-        stroke_m: [0.0, 0.0],
-        voltage_v: 0.0,
-        speed_m_per_s: 0.0,
-        time_s: 0.0,
-        left_out_m: 0.0,
-        misfit_m: 0.0,
-        fault_m: 0.0,
-        lag_s: 0.0,
-        jitter_s: 0.0,
-        temperature_c: observation::temperatures_c(observations).map(|(low, high)| [low, high]),
-        refits: Vec::new(),
-    };
+    let temperature_c = observation::temperatures_c(observations).map(<[f64; 2]>::from);
+    let mut recorded = Recorded { temperature_c, ..Recorded::default() };
     for ((observation, modelled), reading) in observations.iter().zip(modelled).zip(readings) {
         let (low, high) = range(modelled);
         let offset_m = reading.own_offset().unwrap_or(candidate.offset_m);
@@ -385,7 +348,7 @@ fn recorded(
         recorded.speed_m_per_s = rises.map(speed).fold(recorded.speed_m_per_s, f64::max);
         let drive = observation.input.samples();
         if let Input::Voltage(_) = observation.input {
-            recorded.voltage_v = drive.value.iter().fold(recorded.voltage_v, |most, volts| most.max(volts.abs()));
+            recorded.voltage_v = recorded.voltage_v.max(peak(&drive.value));
         }
         recorded.time_s = recorded.time_s.max(drive.time_s.last().copied().unwrap_or(0.0));
     }

@@ -9,10 +9,10 @@ use super::preparation::{
     Gaps, MIN_VALUES, Preparation, Severity, Warning, Window, between_steps, gap, measured_quantity, sample_weights,
     saturation, slack, turned,
 };
-use super::statistics::{change, median, range};
 use crate::error::{Error, Result};
 use crate::files::recording::{Direction, Input, Recording};
 use crate::grid::Samples;
+use crate::statistics::{change, differences, mean, median, range, sorted};
 
 /// A recording as a fit uses it.
 #[derive(Clone, Debug)]
@@ -102,7 +102,7 @@ pub fn observe_prepared(
         if window == Window::ALL { (input, measured) } else { window.cut(path, &input, &measured)? };
     let drive = input.samples();
     check(path, direction, &measured, drive)?;
-    let steps: Vec<f64> = drive.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let steps: Vec<f64> = differences(&drive.time_s).collect();
     let median_step_s = median(&steps);
     let name = name(recording);
     let (rate_hz, uneven) = rate(&steps, median_step_s, drive);
@@ -174,8 +174,7 @@ fn rate(steps: &[f64], median_step_s: f64, drive: &Samples) -> (f64, Option<Stri
     let duration_s = drive.time_s.last().copied().unwrap_or(0.0);
     // For bursts with long pauses: at most eight steps per row.
     let even_hz = (1.0 / median_step_s).min(8.0 * drive.time_s.len() as f64 / duration_s);
-    let mut sorted = steps.to_vec();
-    sorted.sort_by(f64::total_cmp);
+    let sorted = sorted(steps.iter().copied());
     let dense_s = sorted[sorted.len() / 10];
     let lead_s = drive.time_s[0];
     let dense_hz = if dense_s < 0.5 * median_step_s { 1.0 / dense_s } else { 0.0 };
@@ -210,8 +209,7 @@ impl Observation {
         const LARGE: f64 = 0.1;
         let load = load(&self.input);
         let size = change(&load);
-        let mut changes: Vec<f64> = load.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
-        changes.sort_by(f64::total_cmp);
+        let changes = sorted(differences(&load).map(f64::abs));
         let usual = changes.get(changes.len() * 9 / 10).copied().unwrap_or(0.0);
         let starts = load.first().is_some_and(|first| first.abs() > LARGE * size);
         starts || changes.last().is_some_and(|most| *most > (LARGE * size).max(5.0 * usual))
@@ -241,10 +239,8 @@ fn steps_per_row(load: &[f64], step_s: f64, drive: &Samples) -> f64 {
         };
         let count = load.len().saturating_sub(2 * rows);
         let second = |k: usize| (load[k] - 2.0 * load[k + rows] + load[k + 2 * rows]).powi(2);
-        let mut squares: Vec<f64> = (0..count).filter(even).map(second).collect();
-        squares.sort_by(f64::total_cmp);
-        squares.truncate(squares.len() * 49 / 50);
-        squares.iter().sum::<f64>() / squares.len().max(1) as f64
+        let squares = sorted((0..count).filter(even).map(second));
+        mean(&squares[..squares.len() * 49 / 50])
     };
     // Of a smooth load it grows with the fourth power, of noise not at all.
     let smooth = ((bend(2) - bend(1)) / 15.0).max(0.0).sqrt();
@@ -375,7 +371,7 @@ pub(super) fn unknown_dependence(observations: &[Observation]) -> Option<Tempera
     /// Digits of the reference, °C.
     const TENTH: f64 = 10.0;
     let values: Vec<f64> = observations.iter().filter_map(|observation| observation.temperature_c).collect();
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let mean = mean(&values);
     Excitation::new(observations).temperatures.then(|| TemperatureDependence::none((TENTH * mean).round() / TENTH))
 }
 
@@ -417,7 +413,6 @@ impl ReadingFit {
 }
 
 impl Readings {
-    /// The readings of `observation`.
     pub(super) fn new(observation: &Observation) -> Self {
         let mut readings = Self {
             measured: observation.measured.value.clone(),

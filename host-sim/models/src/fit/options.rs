@@ -9,12 +9,13 @@ use super::bend::{Bend, Elastic};
 use super::candidate::{Candidate, Variable};
 use super::observation::{self, Observation, Reading};
 use super::preparation::{Gaps, Preparation, Warning, Window};
+use super::residuals::Loss;
 use super::settings::{CurveChoice, Method, Settings, assumed_actuator, checked_starts};
-use super::statistics::Loss;
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::quantity;
+use crate::statistics::mean;
 
 /// Options of a fit.
 #[derive(Clone, Debug, PartialEq)]
@@ -330,7 +331,7 @@ impl FitOptions {
         let window = Window { from_s: self.from_s, to_s: self.to_s.unwrap_or(f64::INFINITY) };
         let preparation = Preparation { window, gaps, inverted: self.invert, log_time };
         // The mean is 1, so that residuals keep their unit.
-        let mean = weights.iter().sum::<f64>() / weights.len().max(1) as f64;
+        let mean = mean(&weights);
         let weight = |index: usize| weights.get(index).map_or(1.0, |weight| weight / mean);
         let own_offset = self.offset == Sharing::PerRecording;
         let own_gain = self.gain == Sharing::PerRecording;

@@ -77,10 +77,6 @@ pub fn search(
 }
 
 /// The best structure of the settings by the sum of squares, as the paper selects it.
-///
-/// # Errors
-///
-/// [`Error::Computation`] if no start has a response.
 pub fn best_structure(context: &Context<'_>, settings: &Settings, stages: &Stages<'_>) -> Result<Found> {
     let mut best: Option<Outcome> = None;
     for &topology in &settings.topologies {
@@ -110,7 +106,6 @@ pub fn best_structure(context: &Context<'_>, settings: &Settings, stages: &Stage
     Ok(Found { candidate, variables, minimum })
 }
 
-/// State of a search.
 struct Poll<'a> {
     objective: &'a Objective,
     start: &'a Candidate,

@@ -10,7 +10,6 @@ use springpot::Springpot;
 use super::candidate::Variable;
 use super::descent::{Context, Found};
 use super::objective::Objective;
-use super::statistics::Whiteness;
 use super::uncertainty::CHI_SQUARE;
 use crate::least_squares::StoppingCriteria;
 
@@ -66,8 +65,7 @@ fn plain(
         variables.retain(|variable| *variable != Variable::Order(element));
     }
     let plain = context.descend_over(objective, &start, variables, stopping)?;
-    let residuals = objective.residuals(&objective.evaluate(&found.candidate)?);
-    let samples = Whiteness::new(objective.values(), &residuals).effective_samples;
+    let samples = objective.whiteness(&found.candidate)?.effective_samples;
     let freedom = (samples - found.variables.len() as f64).max(1.0);
     let rise = plain.minimum.cost / found.minimum.cost - 1.0;
     (rise <= (CHI_SQUARE / freedom).min(MAX_RISE)).then_some(plain)

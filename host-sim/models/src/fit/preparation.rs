@@ -6,10 +6,10 @@ use std::path::Path;
 
 use serde::{Serialize, Serializer};
 
-use super::statistics::{change, noise, range};
 use crate::error::{Error, Result};
 use crate::files::recording::{Direction, Input, Recording};
 use crate::grid::{Grid, Samples};
+use crate::statistics::{change, mean, noise, peak, range};
 
 /// How much a warning matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -183,7 +183,7 @@ pub(super) fn sample_weights(recording: &Recording, measured: &Samples, log_time
     if log_time {
         weights.iter_mut().zip(logarithmic_shares(&measured.time_s)).for_each(|(weight, share)| *weight *= share);
     }
-    let mean = weights.iter().sum::<f64>() / weights.len() as f64;
+    let mean = mean(&weights);
     if mean == 0.0 {
         return Err(Error::file(recording.path(), "every weight is 0; there is nothing to fit"));
     }
@@ -254,7 +254,6 @@ pub(super) fn turned(input: &Input, measured: &Samples) -> Option<String> {
     (correlation < -0.3).then(|| format!("the {what} falls where the {of} grows: `invert` turns its sign"))
 }
 
-/// The first gap in the input.
 pub(super) fn gap(steps: &[f64], median_step_s: f64, drive: &Samples) -> Option<String> {
     // Steps that grow little by little, such as logarithmic ones, are no gap.
     let is_gap = |k: usize| steps[k] > 5.0 * median_step_s && (k == 0 || steps[k] > 2.0 * steps[k - 1]);
@@ -273,7 +272,7 @@ pub(super) fn saturation(direction: Direction, input: &Input, measured: &Samples
     let values = &measured.value;
     let (low, high) = range(values);
     let loads = loads(input, &measured.time_s);
-    let rest = REST * loads.iter().fold(0.0, |most: f64, load| most.max(load.abs()));
+    let rest = REST * peak(&loads);
     [(high, "largest"), (low, "smallest")]
         .into_iter()
         .filter_map(|(value, end)| {
@@ -298,7 +297,7 @@ pub(super) fn slack(input: &Input, measured: &Samples) -> Option<String> {
     const MOVES: f64 = 0.05;
     let Input::Displacement(moved) = input else { return None };
     let (times, forces) = (&measured.time_s, &measured.value);
-    let most = forces.iter().fold(0.0, |most: f64, force| most.max(force.abs()));
+    let most = peak(forces);
     let zero = (ZERO * most).max(3.0 * noise(forces));
     let first = forces.iter().position(|force| force.abs() == most)?;
     let (low, high) = range(&moved.value);

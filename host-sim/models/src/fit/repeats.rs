@@ -6,12 +6,11 @@
 use std::ops::Range;
 
 use host_fft::Planner;
-use num_complex::Complex;
 
 use super::explained::Basis;
 use super::observation::Observation;
-use super::statistics::{median, percentile_range, range, robust_deviation};
 use crate::grid::Grid;
+use crate::statistics::{self, median, peak, percentile_range, rms, robust_deviation, sorted};
 
 /// Most rows of a comparison: copies that are cut out of longer recordings are found only by their beginning.
 const MAX_ROWS: usize = 1 << 17;
@@ -84,7 +83,6 @@ fn is_twice(observation: &Observation) -> bool {
     Match::of_noise(&one.noise, &other.noise).is_some_and(|noise| one.has_the_noise_of(&other, &noise))
 }
 
-/// Rows of a recording.
 struct Rows {
     drive: Vec<f64>,
     measured: Vec<f64>,
@@ -107,7 +105,7 @@ impl Rows {
     fn part(observation: &Observation, rows: Range<usize>) -> Self {
         let rows = rows.start..rows.end.min(rows.start + MAX_ROWS);
         let time_s = &observation.measured.time_s[rows.clone()];
-        let steps: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let steps: Vec<f64> = statistics::differences(time_s).collect();
         let step_s = median(&steps);
         let is_even = steps.iter().all(|step| (step / step_s - 1.0).abs() < 1e-3);
         let drive = observation.input.samples().at(time_s.iter().copied());
@@ -118,10 +116,9 @@ impl Rows {
         let mut noise = unpredicted(&drive, &measured);
         let deviation = robust_deviation(&noise);
         noise.iter_mut().for_each(|value| *value = value.clamp(-3.0 * deviation, 3.0 * deviation));
-        let mut sorted = measured.clone();
-        sorted.sort_by(f64::total_cmp);
-        sorted.dedup();
-        let in_steps = 4 * sorted.len() < measured.len();
+        let mut different = sorted(measured.iter().copied());
+        different.dedup();
+        let in_steps = 4 * different.len() < measured.len();
         Self { drive, measured, step_s, is_even, noise, deviation, in_steps }
     }
 
@@ -177,8 +174,7 @@ impl Rows {
         let (gain, differs) = difference(&short.measured, &long.measured, lag, true);
         let (drive_gain, drive_differs) = difference(&short.drive, &long.drive, lag, false);
         let is_one = |gain: f64| (gain.abs() - 1.0).abs() < GAIN;
-        let (low, high) = range(&long.drive);
-        if !is_one(gain) || !is_one(drive_gain) || drive_differs > SAME_DRIVE * low.abs().max(high.abs()) {
+        if !is_one(gain) || !is_one(drive_gain) || drive_differs > SAME_DRIVE * peak(&long.drive) {
             return false;
         }
         let (least, most) = (self.deviation.min(other.deviation), self.deviation.max(other.deviation));
@@ -192,7 +188,7 @@ fn unpredicted(drive: &[f64], measured: &[f64]) -> Vec<f64> {
     let Some(count) = measured.len().checked_sub(ORDER).filter(|count| *count > 2 * ORDER) else { return Vec::new() };
     // Differences of growing order span the same rows as the rows themselves, and are less alike.
     let differences = |values: Vec<f64>, orders: usize| {
-        let next = |values: &Vec<f64>| Some(values.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<f64>>());
+        let next = |values: &Vec<f64>| Some(statistics::differences(values).collect::<Vec<f64>>());
         std::iter::successors(Some(values), next).take(orders).collect::<Vec<_>>()
     };
     let before = differences(measured[..measured.len() - 1].to_vec(), ORDER);
@@ -202,9 +198,7 @@ fn unpredicted(drive: &[f64], measured: &[f64]) -> Vec<f64> {
     let columns = std::iter::once(vec![1.0; count]).chain(before.iter().chain(driven.iter().flatten()).map(last));
     let kept = vec![1.0; count];
     let mut basis = Basis::new(&measured[ORDER..], &kept, 1e-9);
-    columns.for_each(|column| {
-        basis.add(&column);
-    });
+    basis.extend(&columns.collect::<Vec<_>>());
     basis.rest
 }
 
@@ -221,14 +215,7 @@ struct Match {
 impl Match {
     fn of_noise(one: &[f64], other: &[f64]) -> Option<Self> {
         let products = correlation(one, other);
-        let squares = |values: &[f64]| {
-            let add = |sum: &mut f64, value: &f64| {
-                *sum += value * value;
-                Some(*sum)
-            };
-            std::iter::once(0.0).chain(values.iter().scan(0.0, add)).collect::<Vec<f64>>()
-        };
-        let (of_one, of_other) = (squares(one), squares(other));
+        let [of_one, of_other] = [one, other].map(|values| sums(values.iter().map(|value| value * value)));
         let common = MIN_COMMON.max((MIN_SHARE * one.len().min(other.len()) as f64) as usize);
         let at = |lag: isize| {
             let (from, from_other) = (lag.min(0).unsigned_abs(), lag.max(0).unsigned_abs());
@@ -252,6 +239,15 @@ impl Match {
     }
 }
 
+/// The sums of the first 0, 1, … of `values`.
+fn sums(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let add = |sum: &mut f64, value: f64| {
+        *sum += value;
+        Some(*sum)
+    };
+    std::iter::once(0.0).chain(values.scan(0.0, add)).collect()
+}
+
 /// The gain with which `long` from `lag` on leaves least of `short`, and the RMS of that: beside their means if those are `free`.
 fn difference(short: &[f64], long: &[f64], lag: isize, free: bool) -> (f64, f64) {
     let (gain, rest) = rest(short, long, lag, free);
@@ -263,7 +259,7 @@ fn rest(short: &[f64], long: &[f64], lag: isize, free: bool) -> (f64, Vec<f64>) 
     let (from_short, from_long) = (lag.min(0).unsigned_abs(), lag.max(0).unsigned_abs());
     let count = (short.len() - from_short).min(long.len() - from_long);
     let (short, long) = (&short[from_short..][..count], &long[from_long..][..count]);
-    let mean = |values: &[f64]| if free { values.iter().sum::<f64>() / count as f64 } else { 0.0 };
+    let mean = |values: &[f64]| if free { statistics::mean(values) } else { 0.0 };
     let (x, y) = (mean(long), mean(short));
     let pairs = || short.iter().zip(long).map(|(s, l)| (s - y, l - x));
     let sum = |of: fn((f64, f64)) -> f64| pairs().map(of).sum::<f64>();
@@ -271,29 +267,14 @@ fn rest(short: &[f64], long: &[f64], lag: isize, free: bool) -> (f64, Vec<f64>) 
     (gain, pairs().map(|(s, l)| s - gain * l).collect())
 }
 
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
-}
-
 /// The lag at which two series are most alike, beside their means and sizes, over most of the short one.
 fn best_lag(short: &[f64], long: &[f64]) -> Option<isize> {
     let products = correlation(short, long);
-    let sums = |values: &[f64]| {
-        let sum = |of: fn(f64) -> f64| {
-            let mut sum = 0.0;
-            let mut sums = vec![0.0];
-            sums.extend(values.iter().map(|&value| {
-                sum += of(value);
-                sum
-            }));
-            sums
-        };
-        [sum(|value| value), sum(|value| value * value)]
-    };
     // Around the middle, where rounding is least.
     let centred = |values: &[f64]| {
-        let middle = values.iter().sum::<f64>() / values.len() as f64;
-        sums(&values.iter().map(|value| value - middle).collect::<Vec<f64>>())
+        let middle = statistics::mean(values);
+        let centred = || values.iter().map(|value| value - middle);
+        [sums(centred()), sums(centred().map(|value| value * value))]
     };
     let (of_short, of_long) = (centred(short), centred(long));
     let most_left_out = ((1.0 - MIN_OVERLAP) * short.len() as f64) as isize;
@@ -317,19 +298,9 @@ fn correlation(short: &[f64], long: &[f64]) -> Vec<f64> {
     let mut planner = Planner::new();
     let (forward, backward) = (planner.forward(points), planner.backward(points));
     let spectrum = |values: &[f64]| {
-        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-        let mut time = forward.make_input_vec();
-        time.iter_mut().zip(values).for_each(|(slot, value)| *slot = value - mean);
-        let mut spectrum = forward.make_output_vec();
-        forward.process(&mut time, &mut spectrum).expect("lengths are the plan's own");
-        spectrum
+        let mean = statistics::mean(values);
+        host_fft::spectrum(&*forward, values.iter().map(|value| value - mean))
     };
-    let mut product: Vec<Complex<f64>> =
-        spectrum(short).iter().zip(spectrum(long)).map(|(a, b)| a.conj() * b).collect();
-    product[0].im = 0.0;
-    product[points / 2].im = 0.0;
-    let mut lags = backward.make_output_vec();
-    backward.process(&mut product, &mut lags).expect("lengths are the plan's own");
-    lags.iter_mut().for_each(|value| *value /= points as f64);
-    lags
+    let product = spectrum(short).iter().zip(spectrum(long)).map(|(a, b)| a.conj() * b).collect();
+    host_fft::samples(&*backward, product).into_iter().map(|value| value / points as f64).collect()
 }

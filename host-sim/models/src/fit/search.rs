@@ -6,16 +6,17 @@
 use std::sync::atomic::Ordering;
 
 use super::candidate::{Candidate, Variable};
-use super::descent::{Context, Found, is_long};
+use super::descent::{Context, Found, is_long, least};
 use super::left_out::LeftOut;
 use super::objective::Objective;
 use super::observation::{self, Observation};
 use super::pattern_search;
+use super::residuals::{Loss, Whiteness};
 use super::selection::{Selection, StructureFit, StructureRow, has_one_amplitude, is_near, is_worth_it};
 use super::settings::{CurveChoice, Method, Settings, Stages, work};
 use super::starts::{Kind, creeping, grown, reach, relaxing};
-use super::statistics::{Loss, Whiteness, robust_deviation};
 use crate::error::{Error, Result};
+use crate::statistics::robust_deviation;
 use host_io::choice::Choice;
 
 /// Nonlinear structures of long recordings that are fitted beyond their beginning.
@@ -56,10 +57,6 @@ pub struct Search<'a> {
 
 impl Search<'_> {
     /// The best structure by the method of the settings, and the structures that were compared.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Computation`] where no structure has a fit.
     pub fn best(&self) -> Result<Selected> {
         let Self { context, settings, stages, .. } = self;
         if settings.method == Method::PatternSearch {
@@ -165,8 +162,8 @@ impl Search<'_> {
         let Self { context, settings, stages, .. } = self;
         let is_auto = settings.curve == CurveChoice::Auto;
         let kinds = Kind::for_choice(settings.curve, self.observations);
-        let best = linear.iter().min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
-        let Some(best) = best.filter(|best| kinds.len() > 1 && !(is_auto && self.is_white(best))) else {
+        let Some(best) = least(linear.iter()).filter(|best| kinds.len() > 1 && !(is_auto && self.is_white(best)))
+        else {
             return Vec::new();
         };
         let reach = reach(self.observations, best.candidate.offset_m);
@@ -182,19 +179,17 @@ impl Search<'_> {
             None => vec![(Kind::Linear, best.clone())],
         };
         for &kind in &kinds[1..] {
-            let least = linear.iter().chain(&fits).min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
-            let least = least.map_or(f64::INFINITY, |least| least.minimum.cost);
+            let least_cost = least(linear.iter().chain(&fits)).map_or(f64::INFINITY, |least| least.minimum.cost);
             let bent = |start: &Candidate| kind.starts(start, reach);
             let others = fits.clone();
             let fit = |branches: usize, smaller: Option<&Found>| {
                 let simpler = linear.iter().chain(&others).filter(|fit| fit.candidate.branches() == branches);
-                let simpler = simpler.filter(|fit| kind.extends(&fit.candidate));
-                let simpler = simpler.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost)).cloned();
-                if simpler.as_ref().is_some_and(|fit| fit.minimum.cost > kind.reaches() * least) {
+                let simpler = least(simpler.filter(|fit| kind.extends(&fit.candidate)));
+                if simpler.is_some_and(|fit| fit.minimum.cost > kind.reaches() * least_cost) {
                     return None;
                 }
                 let mut starts: Vec<Candidate> = simpler.iter().flat_map(|fit| bent(&fit.candidate)).collect();
-                match (kind, &simpler) {
+                match (kind, simpler) {
                     (Kind::Beside { pieces }, Some(film)) => {
                         let scale = context.variables_of(&starts[0]).contains(&Variable::Permittivity);
                         starts.extend(relaxing(&film.candidate, pieces, reach.range_m, context.scales, scale));
@@ -222,12 +217,11 @@ impl Search<'_> {
                 rivals.all(|other| is_near(fit.minimum.cost, other.minimum.cost))
             };
             // Without a saturation it has shown how many branches it takes.
-            let simpler = others.iter().filter(|other| kind.adds_saturation_to(&other.candidate));
-            let simpler = simpler.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
+            let simpler = least(others.iter().filter(|other| kind.adds_saturation_to(&other.candidate)));
             let fewest = simpler.map_or(0, |simpler| simpler.candidate.branches());
             let branches = branches().filter(|&n| n >= fewest);
             let simpler = least_of.iter().filter(|(other, _)| is_auto && kind.adds_to(*other)).map(|(_, found)| found);
-            let simpler = simpler.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
+            let simpler = least(simpler);
             let with_as_many = simpler.and_then(|simpler| {
                 let branches = simpler.candidate.branches();
                 stages.begin(format!("{} with n = {branches}", kind.name()), branches);
@@ -243,8 +237,7 @@ impl Search<'_> {
                 same.cloned().or_else(|| fit(branches, smaller))
             };
             let found = self.growing(&kind.name(), branches, None, fit, goes_on);
-            let least = found.iter().min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
-            least_of.extend(least.map(|least| (kind, least.clone())));
+            least_of.extend(least(found.iter()).map(|least| (kind, least.clone())));
             fits.extend(found);
         }
         if beginning.is_some() {

@@ -13,8 +13,9 @@ use super::descent::{Context, Found};
 use super::left_out::LeftOut;
 use super::objective::{Evaluation, Objective};
 use super::observation::Observation;
-use super::statistics::{Whiteness, peaks};
+use super::residuals::Whiteness;
 use crate::agreement::Agreement;
+use crate::statistics::{self, peaks, sorted};
 
 /// A structure that was fitted, for tables.
 #[derive(Clone, Debug, Serialize)]
@@ -91,7 +92,6 @@ pub(super) fn is_near(cost: f64, least: f64) -> bool {
     cost <= FAR * least
 }
 
-/// A fitted structure.
 pub(super) struct StructureFit {
     pub(super) found: Found,
     /// Mean NRMSE (%) of the recordings that were left out, if there are several.
@@ -121,7 +121,7 @@ impl StructureFit {
         // A thinned recording may have no change left.
         let mean = |of: fn(&Agreement) -> f64| {
             let stated: Vec<f64> = agreements.iter().map(of).filter(|value| value.is_finite()).collect();
-            stated.iter().sum::<f64>() / stated.len().max(1) as f64
+            statistics::mean(&stated)
         };
         let whiteness = Whiteness::new(objective.values(), &objective.residuals(&evaluation));
         let (errors, refits) = match left_out.refitted(context, &found) {
@@ -147,7 +147,6 @@ impl StructureFit {
         self.found.candidate.is_straight() && !self.saturates()
     }
 
-    /// Whether its drive saturates.
     fn saturates(&self) -> bool {
         self.found.candidate.actuator.saturation_v.is_some()
     }
@@ -167,7 +166,7 @@ fn difference(one: &[f64], other: &[f64]) -> (f64, f64) {
     let floored = |square: f64| (square + FLOOR * FLOOR).ln();
     let differences: Vec<f64> = one.iter().zip(other).map(|(a, b)| floored(*a) - floored(*b)).collect();
     let n = differences.len() as f64;
-    let mean = differences.iter().sum::<f64>() / n;
+    let mean = statistics::mean(&differences);
     let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
     (mean, (variance / n).sqrt())
 }
@@ -299,8 +298,7 @@ fn agreements_of(objective: &Objective, evaluation: &Evaluation) -> Vec<Agreemen
 
 /// Whether the turning points of `observations` all have the same size.
 pub(super) fn has_one_amplitude(observations: &[Observation]) -> bool {
-    let mut peaks: Vec<f64> = observations.iter().flat_map(|o| peaks(&o.input.samples().value)).collect();
-    peaks.sort_by(f64::total_cmp);
+    let peaks = sorted(observations.iter().flat_map(|o| peaks(&o.input.samples().value)));
     // Several cycles, all as large.
     let several = peaks.len() > observations.len();
     several && peaks.first().zip(peaks.last()).is_some_and(|(least, most)| *least > 0.8 * most)

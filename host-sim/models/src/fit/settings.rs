@@ -6,7 +6,7 @@ use host_io::choice;
 use springpot::{Actuator, MAX_BRANCHES, Topology};
 
 use super::candidate::{Candidate, Variable};
-use super::statistics::Loss;
+use super::residuals::Loss;
 use crate::error::{Error, Result};
 use crate::files::parameters::MAX_SENSOR_DELAY_S;
 use crate::files::recording::Direction;

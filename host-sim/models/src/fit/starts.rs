@@ -9,8 +9,8 @@ use super::candidate::Candidate;
 use super::observation::Observation;
 use super::rising::Rising;
 use super::settings::CurveChoice;
-use super::statistics::{change, median, peaks, range};
 use crate::files::recording::Input;
+use crate::statistics::{change, median, peak, peaks, range};
 
 /// Orders of magnitude of the film's parameters, estimated from recordings before the fit.
 #[derive(Clone, Copy, Debug)]
@@ -50,9 +50,7 @@ impl Scales {
             cycle_s,
         }
     }
-}
 
-impl Scales {
     /// The time of a radian of the shortest cycle, s.
     fn radian_s(self) -> f64 {
         self.cycle_s / std::f64::consts::TAU
@@ -103,8 +101,7 @@ pub fn start(
         let stiffness = scales.stiffness * 10f64.powf(random.random_range(-1.5..0.3));
         let (elastic, viscous) = (random.random_range(0.0..0.35), random.random_range(0.65..1.0));
         // c_1 s^a = c_2 s^b at s = 1/time.
-        elements.push(Springpot::new(stiffness * time.powf(elastic), elastic));
-        elements.push(Springpot::new(stiffness * time.powf(viscous), viscous));
+        elements.extend([elastic, viscous].map(|alpha| Springpot::new(stiffness * time.powf(alpha), alpha)));
     }
     Candidate::linear(actuator, elements, topology)
 }
@@ -115,7 +112,7 @@ pub(super) fn grown(candidate: &Candidate, topology: Topology, scales: Scales) -
     [0.2, 0.5, 0.8]
         .into_iter()
         .map(|share| {
-            let time = short * f64::powf(long / short, share);
+            let time: f64 = short * f64::powf(long / short, share);
             let stiffness = match topology {
                 Topology::Parallel => 0.1 * scales.stiffness,
                 // In series with all others: a stiff branch has little effect.
@@ -123,8 +120,7 @@ pub(super) fn grown(candidate: &Candidate, topology: Topology, scales: Scales) -
             };
             let mut grown = candidate.clone();
             grown.topology = topology;
-            grown.elements.push(Springpot::new(stiffness * f64::powf(time, 0.1), 0.1));
-            grown.elements.push(Springpot::new(stiffness * f64::powf(time, 0.9), 0.9));
+            grown.elements.extend([0.1, 0.9].map(|alpha| Springpot::new(stiffness * time.powf(alpha), alpha)));
             grown
         })
         .collect()
@@ -335,13 +331,12 @@ pub(super) fn relaxing(
 
 /// A drag of little effect, and `branches` of this `share` of the stiffness that relax at times within those that the recordings resolve, and up to so many
 /// times `longer`.
-fn elements(branches: usize, scales: Scales, share: f64, longer: f64) -> Vec<Springpot> {
+pub(crate) fn elements(branches: usize, scales: Scales, share: f64, longer: f64) -> Vec<Springpot> {
     let Scales { stiffness, times_s: (short, long), .. } = scales;
     let mut elements = vec![Springpot::new(SMALL * stiffness * scales.radian_s(), 1.0)];
     for branch in 0..branches {
         let time_s = short * (longer * long / short).powf((branch as f64 + 0.5) / branches as f64);
-        elements.push(Springpot::new(share * stiffness, 0.0));
-        elements.push(Springpot::new(share * stiffness * time_s, 1.0));
+        elements.extend([Springpot::new(share * stiffness, 0.0), Springpot::new(share * stiffness * time_s, 1.0)]);
     }
     elements
 }
@@ -364,7 +359,6 @@ pub(super) struct Reach {
     pub(super) largest_n: f64,
 }
 
-/// The reach of all `observations`.
 pub(super) fn reach(observations: &[Observation], offset_m: f64) -> Reach {
     let (mut low, mut high, mut largest_v, mut largest_n) = (0f64, 0f64, 0f64, 0f64);
     for observation in observations {
@@ -377,7 +371,7 @@ pub(super) fn reach(observations: &[Observation], offset_m: f64) -> Reach {
             }
         };
         (low, high) = (low.min(least), high.max(most));
-        let largest = values.iter().fold(0f64, |largest, value| largest.max(value.abs()));
+        let largest = peak(values);
         match observation.input {
             Input::Voltage(_) => largest_v = largest_v.max(largest),
             Input::Force(_) => largest_n = largest_n.max(largest),

@@ -8,8 +8,8 @@ use serde::Serialize;
 
 use super::candidate::{Candidate, Variable};
 use super::descent::{Context, Found};
-use super::statistics::Whiteness;
-use crate::least_squares::StoppingCriteria;
+use super::residuals::Whiteness;
+use crate::least_squares::{StoppingCriteria, inverse, unit_diagonal};
 
 /// Uncertainty of a fit.
 #[derive(Clone, Debug, Serialize)]
@@ -59,8 +59,7 @@ impl Uncertainty {
     /// response.
     pub fn from_fit(context: &Context<'_>, found: &Found) -> Option<Self> {
         let objective = context.fine;
-        let residuals = objective.residuals(&objective.evaluate(&found.candidate)?);
-        let Whiteness { white, lag_one, effective_samples } = Whiteness::new(objective.values(), &residuals);
+        let Whiteness { white, lag_one, effective_samples } = objective.whiteness(&found.candidate)?;
 
         let at_bound: Vec<bool> = found.variables.iter().map(|variable| is_at_bound(*variable, found)).collect();
         let inside: Vec<usize> = (0..at_bound.len()).filter(|&i| !at_bound[i]).collect();
@@ -96,9 +95,7 @@ impl Uncertainty {
         let undetermined = undetermined.iter().map(names).collect();
         Some(Self { estimates, no_intervals, rank, undetermined, white, lag_one, effective_samples })
     }
-}
 
-impl Uncertainty {
     /// States the values of `found`, which the recordings do not distinguish from those of the minimum: intervals reach them.
     pub(super) fn state(&mut self, found: &Found) {
         for variable in &found.variables {
@@ -165,10 +162,9 @@ pub(super) fn at_minimum(context: &Context<'_>, mut found: Found) -> Found {
 
 /// The step to its minimum that is left of the search that ended with `found`, in squares of standard deviations.
 fn left(context: &Context<'_>, found: &Found) -> f64 {
-    let Some(evaluation) = context.fine.evaluate(&found.candidate) else { return f64::INFINITY };
-    let samples = Whiteness::new(context.fine.values(), &context.fine.residuals(&evaluation)).effective_samples;
+    let Some(whiteness) = context.fine.whiteness(&found.candidate) else { return f64::INFINITY };
     let inside: Vec<usize> = (0..found.variables.len()).filter(|&i| !is_at_bound(found.variables[i], found)).collect();
-    found.minimum.left(&inside, RANK) * samples
+    found.minimum.left(&inside, RANK) * whiteness.effective_samples
 }
 
 fn is_at_bound(variable: Variable, found: &Found) -> bool {
@@ -177,14 +173,9 @@ fn is_at_bound(variable: Variable, found: &Found) -> bool {
     (value - low).abs() < 1e-9 || (high - value).abs() < 1e-9
 }
 
-/// The rows and columns `inside` of Jᵀ J with unit diagonal, and the lengths that were divided out.
-fn scaled(normal: &DMatrix<f64>, inside: &[usize]) -> (DMatrix<f64>, Vec<f64>) {
-    let lengths: Vec<f64> = inside.iter().map(|&i| normal[(i, i)].sqrt().max(f64::MIN_POSITIVE)).collect();
-    let matrix = DMatrix::from_fn(inside.len(), inside.len(), |i, j| {
-        let value = normal[(inside[i], inside[j])] / (lengths[i] * lengths[j]);
-        if value.is_finite() { value } else { 0.0 }
-    });
-    (matrix, lengths)
+/// `matrix` with 0 for what is not a number or overflows.
+fn finite(matrix: DMatrix<f64>) -> DMatrix<f64> {
+    matrix.map(|value| if value.is_finite() { value } else { 0.0 })
 }
 
 /// The rank of `normal` over the variables `inside`, and the variables of each direction that the data do not determine.
@@ -192,7 +183,7 @@ fn undetermined(normal: &DMatrix<f64>, inside: &[usize]) -> (usize, Vec<Vec<usiz
     if inside.is_empty() {
         return (0, Vec::new());
     }
-    let eigen = scaled(normal, inside).0.symmetric_eigen();
+    let eigen = finite(unit_diagonal(normal, inside).0).symmetric_eigen();
     // Eigenvalues are squares of singular values.
     let largest = eigen.eigenvalues.max().max(f64::MIN_POSITIVE);
     let mut sets = Vec::new();
@@ -253,12 +244,9 @@ impl Followers {
     /// From Jᵀ J over the variables `inside`. A ridge below the limit of the rank keeps directions that the data do not determine from
     /// moving the others.
     fn new(normal: &DMatrix<f64>, inside: Vec<usize>) -> Self {
-        let (normal, lengths) = scaled(normal, &inside);
-        let ridge = RANK * RANK * inside.len() as f64;
-        let inverse = (normal + DMatrix::identity(inside.len(), inside.len()) * ridge).cholesky().map(|c| {
-            let inverse = c.inverse();
-            DMatrix::from_fn(inside.len(), inside.len(), |i, j| inverse[(i, j)] / (lengths[i] * lengths[j]))
-        });
+        let (normal, lengths) = unit_diagonal(normal, &inside);
+        let ridge = DMatrix::identity(inside.len(), inside.len()) * (RANK * RANK * inside.len() as f64);
+        let inverse = inverse(finite(normal) + ridge, &lengths);
         Self { inside, inverse }
     }
 

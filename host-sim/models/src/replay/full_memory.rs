@@ -36,26 +36,16 @@ impl FullMemory {
     /// The part that wraps around the end of the transform is damped by the radius, which in turn amplifies rounding; with four
     /// times as many points as samples both stay near 1e-12 of the largest response.
     pub fn new(samples: usize, step: f64) -> Self {
-        Self::with_oversampling(samples, step, 4)
+        Self::with_method(samples, step, Discretisation::Gl)
     }
 
     /// The same for another discretisation of s.
     pub fn with_method(samples: usize, step: f64, method: Discretisation) -> Self {
-        Self::with_oversampling_and_method(samples, step, 4, method)
+        Self::with_oversampling(samples, step, 4, method)
     }
 
     /// The same with `oversampling` times as many points as samples, at least 2.
-    pub fn with_oversampling(samples: usize, step: f64, oversampling: usize) -> Self {
-        Self::with_oversampling_and_method(samples, step, oversampling, Discretisation::Gl)
-    }
-
-    /// The same for another discretisation of s.
-    pub fn with_oversampling_and_method(
-        samples: usize,
-        step: f64,
-        oversampling: usize,
-        method: Discretisation,
-    ) -> Self {
+    pub fn with_oversampling(samples: usize, step: f64, oversampling: usize, method: Discretisation) -> Self {
         let oversampling = oversampling.max(2);
         let points = smooth_length(samples.max(1) * oversampling);
         let ratio = points as f64 / samples.max(1) as f64;
@@ -133,13 +123,7 @@ impl FullMemory {
     /// For more samples than the circle is for.
     pub fn spectrum(&self, series: &[f64]) -> Vec<Complex<f64>> {
         assert!(series.len() <= self.samples, "the circle is for {} samples", self.samples);
-        let mut time = self.forward.make_input_vec();
-        for ((slot, value), damping) in time.iter_mut().zip(series).zip(&self.damping) {
-            *slot = value * damping;
-        }
-        let mut spectrum = self.forward.make_output_vec();
-        self.forward.process(&mut time, &mut spectrum).expect("lengths are the plan's own");
-        spectrum
+        host_fft::spectrum(&*self.forward, series.iter().zip(&self.damping).map(|(value, damping)| value * damping))
     }
 
     /// The first `samples` coefficients of a power series whose values on the circle are `spectrum`.
@@ -147,14 +131,8 @@ impl FullMemory {
     /// # Panics
     ///
     /// For a spectrum of another circle.
-    pub fn series(&self, mut spectrum: Vec<Complex<f64>>, samples: usize) -> Vec<f64> {
-        // The first and last point of an even transform are real, up to rounding.
-        spectrum[0].im = 0.0;
-        if let Some(last) = spectrum.last_mut() {
-            last.im = 0.0;
-        }
-        let mut time = self.backward.make_output_vec();
-        self.backward.process(&mut spectrum, &mut time).expect("lengths are the plan's own");
+    pub fn series(&self, spectrum: Vec<Complex<f64>>, samples: usize) -> Vec<f64> {
+        let mut time = host_fft::samples(&*self.backward, spectrum);
         let scale = 1.0 / time.len() as f64;
         time.truncate(samples);
         for (value, damping) in time.iter_mut().zip(&self.damping) {

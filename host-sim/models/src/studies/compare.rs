@@ -7,6 +7,7 @@ use std::time::Instant;
 use serde::Serialize;
 use springpot::{Actuator, Compressed, Law, LawOptions, Memory, Springpot, Topology, VoltageDrive};
 
+use crate::agreement::{mean_nrmse_pct, mean_r2};
 use crate::error::{Error, Result};
 use crate::files::recording::Input;
 use crate::fit::candidate::{Candidate, Variable};
@@ -14,8 +15,9 @@ use crate::fit::descent::{Context, Found, PreparedObservations};
 use crate::fit::left_out::LeftOut;
 use crate::fit::objective::Objective;
 use crate::fit::observation::Observation;
-use crate::fit::{Settings, refuse_copies, selection};
+use crate::fit::{Settings, refuse_copies, selection, starts};
 use crate::progress::Stage;
+use crate::statistics::mean;
 use crate::studies::prandtl_ishlinskii::PrandtlIshlinskii;
 
 /// A model of the comparison, as `compare --json` prints it.
@@ -96,14 +98,13 @@ pub fn compare(
         }
         smaller = Some(found.candidate.clone());
         let agreements = selection::agreements(context.fine, &found.candidate);
-        let n = agreements.len() as f64;
         rows.push(ModelRow {
             model: name.into(),
             family: model.family(),
             parameters: found.variables.len(),
-            r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
-            nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
-            left_out_nrmse_pct: left_out.errors(context, &found).ok().and_then(|errors| left_out.nrmse_pct(&errors)),
+            r2_mean: mean_r2(&agreements),
+            nrmse_pct: mean_nrmse_pct(&agreements),
+            left_out_nrmse_pct: left_out.refitted(context, &found).ok().and_then(|(of, _)| left_out.nrmse_pct(&of)),
             beyond_pct: foretold.as_ref().and_then(|objective| error_pct(objective, &found.candidate)),
             step_ns: model.step_ns(&found.candidate, &observations[0].input)?,
         });
@@ -168,14 +169,8 @@ impl CreepModel {
 
 /// Springs and dashpots whose relaxation times are within those that the recordings resolve.
 fn prony(context: &Context<'_>, branches: usize, share: f64) -> Candidate {
-    let (short, long) = context.scales.times_s;
-    let stiffness = context.scales.stiffness;
-    let mut elements = vec![Springpot::new(stiffness, 0.0)];
-    for branch in 0..branches {
-        let time = short * (long / short).powf((branch as f64 + 0.5) / branches as f64);
-        elements.push(Springpot::new(share * stiffness, 0.0));
-        elements.push(Springpot::new(share * stiffness * time, 1.0));
-    }
+    let mut elements = starts::elements(branches, context.scales, share, 1.0);
+    elements[0] = Springpot::new(context.scales.stiffness, 0.0);
     let mut actuator = context.actuator;
     if context.freed.contains(&Variable::StretchCoupling) && actuator.stretch_coupling == 0.0 {
         actuator.stretch_coupling = context.scales.coupling;
@@ -246,15 +241,14 @@ fn prandtl_ishlinskii(observations: &[Observation]) -> Result<ModelRow> {
             Ok(PrandtlIshlinskii::fit(&others)?.agreement(&observations[out])?.nrmse_pct)
         })
         .collect::<Result<Vec<f64>>>();
-    let n = agreements.len() as f64;
     let loads: Vec<f32> = (0..STEPS).map(|k| (6000.0 * (k % 5000) as f32 / 5000.0).powi(2)).collect();
     Ok(ModelRow {
         model: "Prandtl–Ishlinskii, rate-dependent".into(),
         family: FAMILIES[3],
         parameters: PrandtlIshlinskii::PARAMETERS,
-        r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
-        nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
-        left_out_nrmse_pct: if observations.len() > 1 { Some(left_out?.iter().sum::<f64>() / n) } else { None },
+        r2_mean: mean_r2(&agreements),
+        nrmse_pct: mean_nrmse_pct(&agreements),
+        left_out_nrmse_pct: if observations.len() > 1 { Some(mean(&left_out?)) } else { None },
         beyond_pct: None,
         step_ns: nanoseconds(|| {
             model.steps_f32(black_box(&loads), 1000.0, |x| {

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use springpot::{Actuator, Springpot, Topology};
 
-use crate::agreement::Agreement;
+use crate::agreement::{Agreement, mean_r2};
 use crate::error::Result;
 use crate::fit::candidate::Candidate;
 use crate::fit::descent::{Context, PreparedObservations};
@@ -20,9 +20,7 @@ use host_io::choice::Choice;
 const BRANCHES: [usize; 5] = [1, 2, 3, 4, 5];
 /// Branches of the fits to one recording.
 pub const BRANCHES_ALONE: usize = 2;
-/// Both topologies.
 const TOPOLOGIES: [Topology; 2] = [Topology::Eq11, Topology::Parallel];
-/// Both methods.
 const METHODS: [Method; 2] = [Method::PatternSearch, Method::Lm];
 
 /// A fit of the study.
@@ -136,7 +134,7 @@ impl Job {
 impl StudyFit {
     /// Mean of R² over the fitted recordings.
     pub fn r2_mean(&self) -> f64 {
-        self.agreements.iter().map(|a| a.r2).sum::<f64>() / self.agreements.len() as f64
+        mean_r2(&self.agreements)
     }
 
     /// The elements as the paper prints them, c in N·s^α/mm: main (c, α), then the branches.

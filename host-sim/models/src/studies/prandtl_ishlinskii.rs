@@ -18,7 +18,6 @@ use crate::fit::observation::Observation;
 use crate::grid::Grid;
 use crate::least_squares::{self, Problem, StoppingCriteria};
 
-/// Number of play operators.
 const OPERATORS: usize = 10;
 
 /// a₁, a₂, a₃, b_1…b_n, x₀ (m) and ln β (ln s).
@@ -88,10 +87,6 @@ impl PrandtlIshlinskii {
     pub const PARAMETERS: usize = PARAMETERS;
 
     /// The least-squares fit to `observations`.
-    ///
-    /// # Errors
-    ///
-    /// [`Error`](crate::error::Error) for an observation that is too long for its rate.
     pub fn fit(observations: &[Observation]) -> Result<Self> {
         let loaded = observations.iter().map(LoadedObservation::new).collect::<Result<Vec<_>>>()?;
         let largest = loaded

@@ -15,12 +15,13 @@ use springpot::{Actuator, Curve, Discretisation, Load, Preload};
 
 use super::candidate::{Candidate, Curves};
 use super::observation::{Observation, ReadingFit, Readings};
-use super::statistics::range;
+use super::residuals::Whiteness;
 use super::transfer::{Nodes, Spectrum, Transfer};
 use crate::error::{Error, Result};
 use crate::files::recording::Input;
 use crate::grid::Grid;
 use crate::replay::full_memory::FullMemory;
+use crate::statistics::range;
 
 /// Most steps of a recording in a fit: each costs about a kilobyte.
 const MAX_SAMPLES: usize = 1 << 22;
@@ -37,7 +38,6 @@ const MIN_GROWTH: f64 = 0.05;
 /// Model minus measurement over all observations.
 pub struct Objective {
     circles: Vec<FullMemory>,
-    /// Nodes of every circle.
     nodes: Vec<Nodes>,
     /// How the observations of every circle are stepped.
     kinds: Vec<Kind>,
@@ -52,7 +52,6 @@ struct Kind {
     temperature_c: Option<f64>,
 }
 
-/// An observation on its grid.
 struct Record {
     circle: usize,
     samples: usize,
@@ -61,7 +60,6 @@ struct Record {
     measured_at: Places,
     /// Times of the measured samples in steps of the grid.
     places: Vec<f64>,
-    /// Rate of the grid, Hz.
     rate_hz: f64,
 }
 
@@ -88,14 +86,19 @@ impl DriveSpectra {
             Input::Displacement(_) => Self::Displacement { spectrum: circle.spectrum(&values), path: values },
         }
     }
-}
 
-/// Eq. 1 with coupling and saturation: F = `force_per_square_volt` V² / (1 + (V/V_s)²) (1 + κ x) plus the weight of the preload.
-fn loads(actuator: &Actuator, squared: &[f64]) -> Vec<Load<f64>> {
-    let (scale, weight) = (actuator.force_per_square_volt(), actuator.preload_n());
-    let slope = scale * actuator.stretch_coupling;
-    let load = |v2: f64| Load { force_n: scale * v2 + weight, slope_n_per_m: slope * v2 };
-    squared.iter().map(|&v2| load(actuator.saturated(v2))).collect()
+    /// The loads on the film: of a voltage by Eq. 1 with coupling and saturation,
+    /// F = `force_per_square_volt` V² / (1 + (V/V_s)²) (1 + κ x) plus the weight of the preload; none of a displacement.
+    fn loads(&self, actuator: &Actuator) -> Vec<Load<f64>> {
+        let (scale, weight) = (actuator.force_per_square_volt(), actuator.preload_n());
+        let slope = scale * actuator.stretch_coupling;
+        let electrostatic = |v2: f64| Load { force_n: scale * v2 + weight, slope_n_per_m: slope * v2 };
+        match self {
+            Self::Voltage { squared, .. } => squared.iter().map(|&v2| electrostatic(actuator.saturated(v2))).collect(),
+            Self::Force { force, .. } => force.iter().map(|&force_n| Load { force_n, slope_n_per_m: 0.0 }).collect(),
+            Self::Displacement { .. } => Vec::new(),
+        }
+    }
 }
 
 /// The same without coupling, as a spectrum, from those of the saturated square of the voltage and of a constant 1.
@@ -151,7 +154,6 @@ pub struct Evaluation {
     pub modelled: Vec<Vec<f64>>,
     /// Offset and gain of every observation's readings.
     pub readings: Vec<ReadingFit>,
-    /// The film of every circle.
     films: Vec<Film>,
     /// Displacements (m), or forces (N), on the grid.
     pub(super) responses: Vec<Vec<f64>>,
@@ -292,37 +294,28 @@ impl Objective {
         let curves = curves.as_ref();
         let circle = &self.circles[record.circle];
         let actuator = &candidate.actuator;
-        let bent = |loads: Vec<Load<f64>>, curves: &Curves| -> Option<Vec<f64>> {
-            transfer.bent(circle, transfer.law.as_ref()?, curves, &loads).ok()
-        };
-        let under = |force: &[f64]| -> Vec<Load<f64>> {
-            force.iter().map(|&force| Load { force_n: force, slope_n_per_m: 0.0 }).collect()
-        };
         let mut elongation = Vec::new();
-        let series = match &record.drive {
+        let series = match (&record.drive, &transfer.in_series, curves) {
             // It moves under a load alone.
-            DriveSpectra::Displacement { .. } if transfer.in_series.is_some() => return None,
-            DriveSpectra::Displacement { path, spectrum } => match curves {
-                None => circle.series(product(spectrum, &transfer.stiffness), record.samples),
-                Some(curves) => transfer.film(curves).force(circle, path),
-            },
-            DriveSpectra::Force { .. } | DriveSpectra::Voltage { .. } if transfer.in_series.is_some() => {
-                let loads = match &record.drive {
-                    DriveSpectra::Voltage { squared, .. } => loads(actuator, squared),
-                    DriveSpectra::Force { force, .. } => under(force),
-                    DriveSpectra::Displacement { .. } => return None,
-                };
-                let [displacement, stretched] = series::response(transfer.in_series.as_ref()?, &loads)?;
+            (DriveSpectra::Displacement { .. }, Some(_), _) => return None,
+            (DriveSpectra::Displacement { path, .. }, None, Some(curves)) => transfer.film(curves).force(circle, path),
+            (DriveSpectra::Displacement { spectrum, .. }, None, None) => {
+                circle.series(product(spectrum, &transfer.stiffness), record.samples)
+            }
+            (drive, Some(law), _) => {
+                let [displacement, stretched] = series::response(law, &drive.loads(actuator))?;
                 elongation = stretched;
                 displacement
             }
-            DriveSpectra::Force { force, spectrum } => match curves {
-                None => circle.series(product(spectrum, &transfer.compliance), record.samples),
-                Some(curves) => bent(under(force), curves)?,
-            },
-            DriveSpectra::Voltage { squared, spectrum, ones } => match (&transfer.law, curves) {
-                (_, Some(curves)) => bent(loads(actuator, squared), curves)?,
-                (None, None) => {
+            (drive, None, Some(curves)) => {
+                transfer.bent(circle, transfer.law.as_ref()?, curves, &drive.loads(actuator)).ok()?
+            }
+            (DriveSpectra::Force { spectrum, .. }, None, None) => {
+                circle.series(product(spectrum, &transfer.compliance), record.samples)
+            }
+            (drive @ DriveSpectra::Voltage { squared, spectrum, ones }, None, None) => match &transfer.law {
+                Some(law) => transfer.coupled(circle, law, &drive.loads(actuator)).ok()?,
+                None => {
                     let saturated = |v2: &f64| actuator.saturated(*v2);
                     let saturated = actuator
                         .saturation_v
@@ -330,7 +323,6 @@ impl Objective {
                     let force = uncoupled_force(actuator, saturated.as_ref().unwrap_or(spectrum), ones);
                     circle.series(product(&force, &transfer.compliance), record.samples)
                 }
-                (Some(law), None) => transfer.coupled(circle, law, &loads(actuator, squared)).ok()?,
             },
         };
         let grows = |x: &f64| actuator.force_growth(*x) > MIN_GROWTH;
@@ -338,12 +330,10 @@ impl Objective {
             return None;
         }
         series.iter().all(|value| value.is_finite()).then(|| {
-            let modelled = record.pick(&series, candidate);
-            let modelled = if record.measures_force() {
-                modelled
-            } else {
-                modelled.into_iter().map(|x| candidate.sensor().reading_m(x)).collect()
-            };
+            let mut modelled = record.pick(&series, candidate);
+            if !record.measures_force() {
+                modelled.iter_mut().for_each(|x| *x = candidate.sensor().reading_m(*x));
+            }
             Response { modelled, series, elongation }
         })
     }
@@ -360,6 +350,11 @@ impl Objective {
             }
         }
         if total > 0.0 { sum / total } else { 0.0 }
+    }
+
+    /// The whiteness of what `candidate` leaves; none where it has no response.
+    pub fn whiteness(&self, candidate: &Candidate) -> Option<Whiteness> {
+        Some(Whiteness::new(self.values(), &self.residuals(&self.evaluate(candidate)?)))
     }
 
     /// Model minus measurement, weighted, one observation after another.
@@ -428,7 +423,6 @@ fn stretched(circle: &FullMemory, curve: &Curve, displacement: &[f64]) -> Spectr
     circle.spectrum(&displacement.iter().map(|&x| at(x)[0]).collect::<Vec<_>>())
 }
 
-/// The product of two spectra.
 fn product(a: &[Complex<f64>], b: &[Complex<f64>]) -> Spectrum {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }
@@ -440,7 +434,7 @@ fn circles(grids: &[Grid], of: &[Kind]) -> (Vec<FullMemory>, Vec<Kind>) {
         if !kinds.contains(&kind) {
             let same = grids.iter().zip(of).filter(|(_, other)| **other == kind);
             let longest = same.map(|(other, _)| other.samples).max().unwrap_or(grid.samples);
-            circles.push(FullMemory::with_oversampling_and_method(longest, kind.step_s, 2, kind.method));
+            circles.push(FullMemory::with_oversampling(longest, kind.step_s, 2, kind.method));
             kinds.push(kind);
         }
     }
