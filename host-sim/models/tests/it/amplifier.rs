@@ -5,13 +5,10 @@ use std::path::Path;
 
 use host_io::files::amplifier_log::AmplifierLog;
 use host_models::amplifier::{Identification, Time, identify};
-use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
-use rand_pcg::Pcg64;
 
+use crate::recorded::noise;
 use crate::sweep::full_sweep;
 
-/// An amplifier and its monitor.
 #[derive(Clone, Copy)]
 struct Bench {
     rise_s: f64,
@@ -57,12 +54,12 @@ impl Bench {
     fn log(&self, rate_hz: f64, duration_s: f64, command: impl Fn(f64) -> f64) -> AmplifierLog {
         let steps = (2e4 / rate_hz).round();
         let step_s = 1.0 / (rate_hz * steps);
-        let (mut random, unit) = (Pcg64::seed_from_u64(7), Normal::new(0.0, 1.0).expect("a distribution"));
+        let mut noise_v = noise(7, self.noise_v);
         let mut voltage = command(0.0);
         let mut csv = String::from("time_s,command_v,monitor_v\n");
         for row in 0..(duration_s * rate_hz) as u32 {
             let time_s = f64::from(row) / rate_hz;
-            let read = self.gain * voltage + self.offset_v + self.noise_v * unit.sample(&mut random);
+            let read = self.gain * voltage + self.offset_v + noise_v();
             let read = self.quantum_v * (read / self.quantum_v).round();
             csv += &format!("{time_s},{},{read}\n", command(time_s));
             for step in 0..steps as u32 {

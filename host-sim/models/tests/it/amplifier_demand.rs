@@ -78,11 +78,11 @@ fn a_command_that_leads_stays_within_the_largest_voltage() {
 #[test]
 fn offsets_know_the_amplifier() {
     // A sine of force that needs −V̇ / V up to 2.26 / s, where the bleeder gives 2 / s.
-    let volts = |now: f64| {
-        let rise = (now / 2.0).min(1.0);
-        let rise = rise.powi(3) * (10.0 + rise * (6.0 * rise - 15.0));
-        4000.0 * (rise * (0.3 + 0.25 * (3.0 * now).sin())).sqrt()
+    let rise = |now: f64| {
+        let share = (now / 2.0).min(1.0);
+        share.powi(3) * (10.0 + share * (6.0 * share - 15.0))
     };
+    let volts = |now: f64| 4000.0 * (rise(now) * (0.3 + 0.25 * (3.0 * now).sin())).sqrt();
     let low = check(BLEEDER, volts);
     assert!(!low.feasible, "{low:?}");
     assert!(check(IDEAL, volts).feasible);
@@ -91,9 +91,7 @@ fn offsets_know_the_amplifier() {
     assert!(least > ideal.least_offset_m.expect("an offset"), "{least}");
     let raised = |offset_m: f64| {
         check(BLEEDER, move |now: f64| {
-            let rise = (now / 2.0).min(1.0);
-            let rise = rise.powi(3) * (10.0 + rise * (6.0 * rise - 15.0));
-            (volts(now).powi(2) + 4000.0_f64.powi(2) * rise * offset_m / 0.5e-3).max(0.0).sqrt()
+            (volts(now).powi(2) + 4000.0_f64.powi(2) * rise(now) * offset_m / 0.5e-3).max(0.0).sqrt()
         })
     };
     assert!(raised(1.001 * least + 1e-8).feasible);

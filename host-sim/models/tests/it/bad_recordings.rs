@@ -5,17 +5,13 @@
 mod faults;
 mod film;
 
-use std::f64::consts::TAU;
-use std::sync::atomic::AtomicBool;
-
 use host_io::error::Result;
-use host_io::files::recording::Recording;
-use host_io::grid::Grid;
+use host_io::files::recording::{Input, Recording};
+use host_io::grid::{Grid, Samples};
 use host_models::excitation::check;
+use host_models::fit::FitOptions;
 use host_models::fit::options::{Branches, TopologyChoice};
 use host_models::fit::settings::CurveChoice;
-use host_models::fit::{self, FitOptions};
-use host_models::references::minimum_jerk;
 use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
 use host_models::replay::{feasibility, feedforward, simulate};
 use indicatif::ProgressBar;
@@ -23,9 +19,10 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{Actuator, CommandLimits};
 
+use crate::recorded::{fitted_to, recording, risen_sine_m, rms};
 use crate::sweep::{full_sweep, sample};
 
-use faults::{Change, FAULTS, Fault, Stage, UNEVEN};
+use faults::{FAULTS, Fault, Stage, UNEVEN};
 use film::{Film, PEAK_V, Run, STEP_S, sine, voltages};
 
 /// Limits that no reference within the recorded stroke meets.
@@ -56,21 +53,21 @@ fn made(random: &mut Pcg64, film: &Film, fault: Option<(&Fault, f64)>, stroke_m:
             every,
             noise,
         };
-        let apply = |run: &mut Run, random: &mut Pcg64, stage: fn(&Stage) -> Option<Change>| {
-            if let Some(change) = fault.and_then(|fault| stage(&fault.stage)) {
-                change(run, random);
+        let mut apply = |run: &mut Run, stage: Stage| {
+            if let Some(fault) = fault.filter(|fault| fault.stage == stage) {
+                (fault.change)(run, &mut random);
             }
         };
         let weaken = |changed: &mut Vec<f64>, sound: &[f64]| {
             changed.iter_mut().zip(sound).for_each(|(value, sound)| *value = sound + strength * (*value - sound));
         };
         let sound = run.volts.clone();
-        apply(&mut run, &mut random, |stage| if let Stage::Voltage(change) = stage { Some(*change) } else { None });
+        apply(&mut run, Stage::Voltage);
         weaken(&mut run.volts, &sound);
         weaken(&mut run.recorded_v, &sound);
         run.reading = run.film.stroke(&run.volts, run.driven_before);
         let sound = run.reading.clone();
-        apply(&mut run, &mut random, |stage| if let Stage::Reading(change) = stage { Some(*change) } else { None });
+        apply(&mut run, Stage::Reading);
         weaken(&mut run.reading, &sound);
         run.rows = (0..run.reading.len())
             .step_by(run.every)
@@ -80,8 +77,8 @@ fn made(random: &mut Pcg64, film: &Film, fault: Option<(&Fault, f64)>, stroke_m:
                 [k as f64 * STEP_S, volts, offset_m + stroke_m * (run.reading[k] + noise)]
             })
             .collect();
-        apply(&mut run, &mut random, |stage| if let Stage::Rows(change) = stage { Some(*change) } else { None });
-        run.recording()
+        apply(&mut run, Stage::Rows);
+        recording(&format!("{number}.csv"), &run.rows)
     };
     voltages.into_iter().enumerate().map(make).collect()
 }
@@ -98,7 +95,6 @@ fn findings(recordings: &[Recording]) -> Vec<String> {
     report.findings.into_iter().map(|finding| finding.finding).filter(|text| !is_of_excitation(text)).collect()
 }
 
-/// A fit of one structure.
 fn one_branch() -> FitOptions {
     FitOptions {
         branches: Branches::Number(1),
@@ -112,21 +108,17 @@ fn one_branch() -> FitOptions {
 /// RMS error (% of the range) on another drive of the film that is fitted to `recordings`; none where `fit` refuses.
 fn error_pct(recordings: &[Recording], film: &Film, stroke_m: f64) -> Option<f64> {
     let options = one_branch();
-    let settings = options.settings(None, Some((Actuator::KARNER_2022, false))).expect("settings");
-    let observed = options.observations(&recordings.iter().collect::<Vec<_>>()).ok()?;
-    let observations: Vec<_> = observed.into_iter().map(|(observation, _)| observation).collect();
-    let fit = fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| ()).ok()?;
+    let (fit, settings, _) = fitted_to(recordings, &options, Actuator::KARNER_2022).ok()?;
     let parameters = fit.parameters(&settings, options.drive, &[]).ok()?;
     let volts: Vec<f64> = (0..40_000).map(|k| sine(0.23, 0.9 * PEAK_V, k as f64 * STEP_S)).collect();
     let expected = film.stroke(&volts, false);
-    let grid = host_io::grid::Grid { rate_hz: 100.0, samples: 4000 };
-    let samples = host_io::grid::Samples { time_s: grid.times_s(), value: volts.into_iter().step_by(10).collect() };
-    let input = host_io::files::recording::Input::Voltage(samples);
+    let grid = Grid { rate_hz: 100.0, samples: 4000 };
+    let samples = Samples { time_s: grid.times_s(), value: volts.into_iter().step_by(10).collect() };
     let run = RunOptions { memory: MemoryChoice::Compressed, precision: Precision::F64, rate_hz: 100.0 };
-    let response = simulate::response(&parameters, &input, grid, &run, &ProgressBar::hidden()).ok()?.displacement_m;
-    let square: f64 =
-        response.iter().zip(expected.iter().step_by(10)).map(|(x, y)| (x - stroke_m * y).powi(2)).sum::<f64>() / 4000.0;
-    Some(100.0 * square.sqrt() / stroke_m)
+    let response =
+        simulate::response(&parameters, &Input::Voltage(samples), grid, &run, &ProgressBar::hidden()).ok()?;
+    let errors = response.displacement_m.iter().zip(expected.iter().step_by(10)).map(|(x, y)| x - stroke_m * y);
+    Some(100.0 * rms(&errors.collect::<Vec<_>>()) / stroke_m)
 }
 
 /// The warnings of a fit with the defaults, and feedforward with it.
@@ -139,29 +131,23 @@ struct Expected {
 /// A fit with the defaults to `recordings` of a `film`, or its refusal.
 fn expected(recordings: &[Recording], film: &Film, stroke_m: f64) -> Result<Expected> {
     let options = FitOptions { starts: 4, ..FitOptions::default() };
-    let settings = options.settings(None, Some((Actuator::KARNER_2022, false)))?;
-    let observed = options.observations(&recordings.iter().collect::<Vec<_>>())?;
-    let (observations, warnings): (Vec<_>, Vec<_>) = observed.into_iter().unzip();
-    let fit = fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| ())?;
+    let (fit, settings, warnings) = fitted_to(recordings, &options, Actuator::KARNER_2022)?;
     let parameters = fit.parameters(&settings, options.drive, &[])?;
     let grid = Grid::covering(42.0, 1000.0)?;
     let error = |(low, high, hz): (f64, f64, f64)| -> Result<(f64, [f64; 2])> {
-        let at = |t: f64| {
-            let wave = if t < 2.0 { 0.0 } else { 0.5 * (high - low) * (1.0 - (TAU * hz * (t - 2.0)).cos()) };
-            stroke_m * (low * minimum_jerk(t / 2.0) + wave)
-        };
+        let at = |t: f64| risen_sine_m(t, 2.0, stroke_m * low, stroke_m * high, hz);
         let wanted: Vec<f64> = grid.times_s().into_iter().map(at).collect();
         let check = feasibility::check(&parameters, &wanted, grid, &LIMITS)?;
         let (options, bar) = (RunOptions::default(), ProgressBar::hidden());
         let plan = feedforward::plan(&parameters, &wanted, grid, &options, LIMITS, &bar)?;
         let moved = film.stroke(&plan.voltage_v, false);
-        let squares = moved.iter().zip(&wanted).skip(2000).map(|(x, wanted)| (stroke_m * x - wanted).powi(2));
-        let error_m = (squares.sum::<f64>() / (wanted.len() - 2000) as f64).sqrt();
+        let errors = moved.iter().zip(&wanted).skip(2000).map(|(x, wanted)| stroke_m * x - wanted);
+        let error_m = rms(&errors.collect::<Vec<_>>());
         let stated = check.expectation.expect("recorded").feedforward_error_pct;
         Ok((100.0 * error_m / (stroke_m * (high - low)), stated))
     };
     let errors = [(0.3, 0.7, 0.2), (0.3, 0.9, 0.12)].into_iter().map(error).collect::<Result<_>>()?;
-    let warnings = warnings.into_iter().flatten().chain(fit.warnings).map(|warning| warning.text).collect();
+    let warnings = warnings.into_iter().chain(fit.warnings).map(|warning| warning.text).collect();
     Ok(Expected { warnings, errors })
 }
 
@@ -246,11 +232,7 @@ fn a_clock_that_jitters_is_measured() {
             let recordings = made(&mut Pcg64::seed_from_u64(seed), &film, Some((fault, 1.0)), 1e-3);
             let times = recordings[0].displacement().expect("readings").time_s;
             let wanted_s = share * (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
-            let options = one_branch();
-            let settings = options.settings(None, Some((Actuator::KARNER_2022, false))).expect("settings");
-            let observed = options.observations(&recordings.iter().collect::<Vec<_>>()).expect("observations");
-            let observations: Vec<_> = observed.into_iter().map(|(observation, _)| observation).collect();
-            let fit = fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| ()).expect("a fit");
+            let (fit, ..) = fitted_to(&recordings, &one_branch(), Actuator::KARNER_2022).expect("a fit");
             let found_s = fit.recorded.jitter_s;
             println!("{seed} {name}: {found_s:.2e} of {wanted_s:.2e} s");
             assert!(found_s <= 2.5 * wanted_s, "{seed} {name}: {found_s} of {wanted_s} s");

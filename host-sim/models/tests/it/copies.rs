@@ -2,12 +2,12 @@
 
 use std::f64::consts::TAU;
 
-use host_io::files::import::Quantity;
 use host_io::files::recording::{Direction, Recording};
 use host_models::fit::{self, observation};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use crate::recorded::recording;
 use crate::sweep::full_sweep;
 
 /// Rows of time (s), voltage (V) and displacement (m).
@@ -65,12 +65,6 @@ fn measured(random: &mut Pcg64, volts: &[f64], creep: f64, size: f64) -> Rows {
     let stroke = stroke(volts, creep);
     let row = |k: usize| [0.01 * k as f64, volts[k] + noise(random, 1.0), 1e-3 * (stroke[k] + noise(random, size))];
     (0..volts.len()).map(row).collect()
-}
-
-fn recording(name: &str, rows: &Rows) -> Recording {
-    let column = |k: usize| rows.iter().map(|row| row[k]).collect::<Vec<f64>>();
-    let columns = vec![(Quantity::Voltage, column(1)), (Quantity::Displacement, column(2))];
-    Recording::of_values(name, column(0), columns).expect("valid")
 }
 
 fn is_copy(one: &Rows, other: &Rows) -> bool {

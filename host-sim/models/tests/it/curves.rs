@@ -4,7 +4,10 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use crate::plants::{LITTLE_CREEP, MUCH_CREEP, Stiffening, StiffeningFilm};
-use crate::recorded::{feedforward_errors_m, fitted, nrmse_pct, observation, parameters, recorded, risen_sine_m, rms};
+use crate::recorded::{
+    driven, far, feedforward_errors_m, fitted, moved_m, noise, nrmse_pct, observation, parallel, parameters, recorded,
+    risen_sine_m, rms,
+};
 use host_io::files::parameters::{ElasticCurve, Parameters};
 use host_io::files::recording::{Direction, Input};
 use host_io::grid::{Grid, Samples};
@@ -16,11 +19,8 @@ use host_models::references::minimum_jerk;
 use host_models::replay::feasibility::Feasibility;
 use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
 use host_models::replay::{feasibility, simulate};
-use host_models::simulation::plant::{FullMemoryPlant, Mismatch, Plant};
+use host_models::simulation::plant::{FullMemoryPlant, Mismatch};
 use indicatif::ProgressBar;
-use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
-use rand_pcg::Pcg64;
 use springpot::{
     Actuator, CommandLimits, Curve, Discretisation, Maxwell, Measure, Rubber, Spring, Springpot, Topology,
 };
@@ -30,26 +30,17 @@ pub(crate) const FILM: Actuator =
 
 /// Sines of 3.5 kV on the stiffening film, 100 values a second with 4 µm of noise.
 fn recordings(elements: [(f64, f64); 3]) -> Vec<Observation> {
-    let mut random = Pcg64::seed_from_u64(7);
-    let noise = Normal::new(0.0, 4e-6).expect("valid");
+    let mut noise = noise(7, 4e-6);
     let mut record = |hz: f64| {
         let mut film = StiffeningFilm::new(Stiffening::with(elements), 1e-3);
         let volts = |t: f64| 1750.0 * (1.0 - (TAU * hz * t).cos());
-        recorded(&mut film, 1e-3, 80_000, 50.0, volts, |x| x + noise.sample(&mut random))
+        recorded(&mut film, 1e-3, 80_000, 50.0, volts, |x| x + noise())
     };
     vec![record(0.4), record(0.15), record(0.08)]
 }
 
 fn settings(curve: CurveChoice, branches: Vec<usize>) -> Settings {
-    Settings {
-        actuator: FILM,
-        branches,
-        topologies: vec![Topology::Parallel],
-        uncertainty: false,
-        starts: 4,
-        curve,
-        ..Settings::default()
-    }
+    Settings { actuator: FILM, starts: 4, curve, ..parallel(branches) }
 }
 
 /// The nonlinearity is found by itself, and feedforward follows with it on the other film.
@@ -129,20 +120,17 @@ fn the_curve_of_rubber_is_found_in_relaxations() {
     }
 }
 
-/// A linear film gets no curve.
 #[test]
 fn a_linear_film_stays_linear() {
     let model = Maxwell::new(Springpot::new(2e4, 0.15), &[], Topology::Parallel, 0.1).expect("valid");
     let grid = Grid::covering(60.0, 50.0).expect("a grid");
-    let mut random = Pcg64::seed_from_u64(3);
-    let noise = Normal::new(0.0, 4e-6).expect("valid");
+    let mut noise = noise(3, 4e-6);
     let parameters = Parameters { model, actuator: FILM, ..Parameters::preset("table3-n1").expect("there") };
     let observations = [0.4, 0.1].map(|hz| {
-        let volts = grid.times_s().iter().map(|t| 1750.0 * (1.0 - (TAU * hz * t).cos())).collect();
+        let volts: Vec<f64> = grid.times_s().iter().map(|t| 1750.0 * (1.0 - (TAU * hz * t).cos())).collect();
+        let moved_m = moved_m(&parameters, volts.clone(), 50.0, MemoryChoice::Full);
+        let value = moved_m.into_iter().map(|x| x + noise()).collect();
         let input = Input::Voltage(Samples { time_s: grid.times_s(), value: volts });
-        let options = RunOptions { memory: MemoryChoice::Full, precision: Precision::F64, rate_hz: 50.0 };
-        let response = simulate::response(&parameters, &input, grid, &options, &ProgressBar::hidden()).expect("moves");
-        let value = response.displacement_m.iter().map(|x| x + noise.sample(&mut random)).collect();
         observation("linear", input, Samples { time_s: grid.times_s(), value }, 50.0)
     });
     let fit = fitted(&observations, &Settings { starts: 8, ..settings(CurveChoice::Auto, vec![0, 1]) });
@@ -198,7 +186,6 @@ fn every_way_to_run_a_curve_agrees() {
         let full = run(MemoryChoice::Full, &input);
         let largest = full.displacement_m.iter().copied().fold(0.0, f64::max);
         assert!((2e-3..9e-3).contains(&largest), "{largest}");
-        let far = |a: &[f64], b: &[f64]| a.iter().zip(b).fold(0.0, |far: f64, (a, b)| far.max((a - b).abs()));
         let compressed = run(MemoryChoice::Compressed, &input);
         assert!(far(&full.displacement_m, &compressed.displacement_m) < 1e-5 * largest, "{method:?}");
         let path = Input::Displacement(Samples { time_s: grid.times_s(), value: full.displacement_m.clone() });
@@ -209,12 +196,7 @@ fn every_way_to_run_a_curve_agrees() {
         assert!(far(&back.force_n, &full.force_n) < 1e-5 * force, "{method:?}");
         if method == Discretisation::Gl {
             let plant = FullMemoryPlant::at_rest(&parameters, Mismatch::NONE, grid.step_s(), grid.samples);
-            let mut plant = plant.expect("a plant");
-            let step = |&v: &f64| {
-                plant.advance(v);
-                plant.displacement_m()
-            };
-            let stepped: Vec<f64> = volts.iter().map(step).collect();
+            let stepped = driven(&mut plant.expect("a plant"), volts.iter().copied());
             assert!(far(&stepped, &full.displacement_m) < 1e-8 * largest);
         }
     }

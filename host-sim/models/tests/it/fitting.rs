@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::recorded::{self, fitted};
+use crate::recorded::{self, fitted, parallel};
 use crate::recordings::recordings;
 use host_io::files::import::Hints;
 use host_io::files::material_test::{MaterialTest, Strain};
 use host_io::files::output;
 use host_io::files::recording::{Direction, Input, Recording};
-use host_io::grid::Samples;
+use host_io::grid::{Grid, Samples};
 use host_models::agreement::Agreement;
 use host_models::fit::bend::{Bend, Elastic};
 use host_models::fit::candidate::{Candidate, Variable};
@@ -18,6 +18,7 @@ use host_models::fit::rising::Rising;
 use host_models::fit::settings::CurveChoice;
 use host_models::fit::{Method, Settings, Severity, Warning};
 use host_models::simulation::film::{Film, Instruments, Plant, Readings, Waveform};
+use host_models::simulation::film_recording::FilmRecording;
 use springpot::{Actuator, Preload, Springpot, Topology};
 
 fn observation(path: &Path, direction: Direction) -> Observation {
@@ -283,15 +284,9 @@ fn exact_derivatives() {
 #[test]
 fn left_out_is_left_out() {
     let all = observations("hossain");
-    let settings = Settings {
-        uncertainty: false,
-        branches: vec![1, 2],
-        topologies: vec![Topology::Parallel],
-        ..Settings::default()
-    };
-    let fit = fitted(&all, &settings);
+    let fit = fitted(&all, &parallel(vec![1, 2]));
     let row = fit.structures.iter().find(|row| row.branches == 2).expect("tried");
-    let alone = Settings { uncertainty: false, ..structure(Topology::Parallel, 2) };
+    let alone = parallel(vec![2]);
     let start = Some(fitted(&all, &alone).candidate);
     let mut sum = 0.0;
     for out in 0..all.len() {
@@ -346,7 +341,7 @@ fn a_long_recording_is_fitted_on_all_samples() {
     let value = states.iter().map(|state| readings.displacement_m(film.displacement_m(state))).collect();
     let observation = recorded::observation("long", Input::Voltage(voltage), Samples { time_s, value }, 20.0);
     let all = std::slice::from_ref(&observation);
-    let two = Settings { uncertainty: false, ..structure(Topology::Parallel, 2) };
+    let two = parallel(vec![2]);
     let fit = fitted(all, &two);
     // From where it ended, on all samples, there is nothing left to gain.
     let again = fitted(all, &Settings { start: Some(fit.candidate.clone()), ..two });
@@ -357,16 +352,12 @@ fn a_long_recording_is_fitted_on_all_samples() {
 
 /// A recording of a plant that no fit has seen.
 fn unseen(plant: Plant, frequencies_hz: &[f64], peak_v: f64) -> Observation {
-    let film = Film::new(plant);
-    let time_s: Vec<f64> = (0..=15_500).map(|k| f64::from(k) / 100.0).collect();
+    let (film, grid) = (Film::new(plant), Grid { rate_hz: 100.0, samples: 15_501 });
     let waveform = Waveform { peak_v, frequencies_hz: frequencies_hz.to_vec() };
-    let states = film.states(film.rest(), &time_s, |t| waveform.voltage_v(t)).expect("no pull-in");
-    let mut readings = Readings::new(Instruments::default(), 99);
-    let voltage = time_s.iter().map(|&t| readings.voltage_v(waveform.voltage_v(t))).collect();
-    let value = states.iter().map(|state| readings.displacement_m(film.displacement_m(state))).collect();
-    let name = format!("{plant:?} {frequencies_hz:?} Hz {peak_v} V");
-    let input = Input::Voltage(Samples { time_s: time_s.clone(), value: voltage });
-    recorded::observation(&name, input, Samples { time_s, value }, 100.0)
+    let recording = FilmRecording::new(&film, &waveform, grid, Instruments::default(), 99).expect("no pull-in");
+    let samples = |value| Samples { time_s: grid.times_s(), value };
+    let (input, measured) = (Input::Voltage(samples(recording.voltage_v)), samples(recording.displacement_m));
+    recorded::observation(&format!("{plant:?} {frequencies_hz:?} Hz {peak_v} V"), input, measured, 100.0)
 }
 
 #[test]
@@ -460,13 +451,7 @@ fn measured_vhb_4910() {
 /// Recordings of one amplitude whose last cycle is not complete: no curve is selected for an error that is a few percent smaller.
 #[test]
 fn one_amplitude_supports_no_curve() {
-    let settings = Settings {
-        curve: CurveChoice::Auto,
-        branches: vec![2],
-        topologies: vec![Topology::Parallel],
-        uncertainty: false,
-        ..Settings::default()
-    };
+    let settings = Settings { curve: CurveChoice::Auto, ..parallel(vec![2]) };
     let fit = fitted(&observations("wang"), &settings);
     println!("{:?}", fit.structures);
     assert_eq!((fit.candidate.bend, fit.candidate.actuator.saturation_v), (Bend::Straight, None));
@@ -479,13 +464,7 @@ fn every_second_row_may_weigh_nothing() {
     let mut half = all.clone();
     half[0].sample_weights =
         (0..all[0].measured.value.len()).map(|k| if k % 2 == 0 { 0.0 } else { 2f64.sqrt() }).collect();
-    let settings = Settings {
-        branches: vec![0, 1],
-        topologies: vec![Topology::Parallel],
-        uncertainty: false,
-        ..Settings::default()
-    };
-    let [all, half] = [all, half].map(|observations| fitted(&observations, &settings).candidate);
+    let [all, half] = [all, half].map(|observations| fitted(&observations, &parallel(vec![0, 1])).candidate);
     assert_eq!(all.branches(), half.branches());
     let [all, half] = [all, half].map(|candidate| nrmse_of(&candidate, &observations("wang")[..1])[0]);
     // Half of the noise is another draw.

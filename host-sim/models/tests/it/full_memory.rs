@@ -10,13 +10,14 @@ use host_models::replay::full_memory::FullMemory;
 use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
 use host_models::replay::simulate;
 use indicatif::ProgressBar;
+use springpot::Discretisation;
 
 #[test]
 fn fft_agrees_with_the_defining_sum() {
     let rate_hz = 20.0;
     let force = paper_force(1.0 / 7.0, 155.0, rate_hz);
     let full = FullMemory::new(force.len(), 1.0 / rate_hz);
-    let fast = FullMemory::with_oversampling(force.len(), 1.0 / rate_hz, 2);
+    let fast = FullMemory::with_oversampling(force.len(), 1.0 / rate_hz, 2, Discretisation::Gl);
     for (name, model) in presets().into_iter().chain(random_models(11, 30)).chain(hard_models()) {
         let modulus = modulus_series(&model, 1.0 / rate_hz, force.len());
         let exact = displacement_by_the_sum(&modulus, &force);

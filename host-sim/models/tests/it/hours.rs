@@ -20,7 +20,7 @@ use host_models::simulation::controllers::ControllerKind;
 use host_models::simulation::film::{self, Film, Instruments, Readings};
 use host_models::simulation::plant::{FullMemoryPlant, Mismatch, Plant};
 use rayon::prelude::*;
-use springpot::{Actuator, CommandLimits, LearningOptions, Topology};
+use springpot::{Actuator, CommandLimits, LearningOptions};
 
 use crate::plants::{BlendedFilm, Change, LITTLE_CREEP, MUCH_CREEP, Ramp, Stiffening, StiffeningFilm, WarmingStrip};
 use crate::recorded::risen_sine_m;
@@ -108,12 +108,9 @@ impl Kind {
             drives.par_iter().enumerate().map(|(seed, drive)| self.recorded(drive, seed as u64)).collect();
         let settings = Settings {
             actuator: Actuator { stretch_coupling: 0.0, ..actuator },
-            branches: vec![branches],
-            topologies: vec![Topology::Parallel],
-            uncertainty: false,
             starts: 4,
             curve,
-            ..Settings::default()
+            ..recorded::parallel(vec![branches])
         };
         let fit = recorded::fitted(&observations, &settings);
         let nrmse_pct: Vec<String> = fit.agreements.iter().map(|a| format!("{:.3}", a.nrmse_pct)).collect();

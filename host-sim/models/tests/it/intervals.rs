@@ -13,9 +13,6 @@ use host_models::fit::candidate::Candidate;
 use host_models::fit::objective::Objective;
 use host_models::fit::observation::Observation;
 use host_models::fit::{self, Fit, Settings};
-use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
-use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use springpot::{Actuator, Preload, Springpot, Topology};
 
@@ -47,11 +44,10 @@ fn observations() -> Vec<Observation> {
 
 /// With noise, of which so much follows from the value before.
 fn noisy(observations: &[Observation], seed: u64, follows: f64) -> Vec<Observation> {
-    let mut random = Pcg64::seed_from_u64(seed);
-    let fresh = Normal::new(0.0, NOISE_M * (1.0 - follows * follows).sqrt()).expect("valid");
+    let mut fresh = recorded::noise(seed, NOISE_M * (1.0 - follows * follows).sqrt());
     let mut noise = 0.0;
     let mut add = |x: &f64| {
-        noise = follows * noise + fresh.sample(&mut random);
+        noise = follows * noise + fresh();
         x + noise
     };
     let with = |observation: &Observation| {
@@ -62,13 +58,8 @@ fn noisy(observations: &[Observation], seed: u64, follows: f64) -> Vec<Observati
 }
 
 fn fitted(observations: &[Observation], branches: usize) -> Fit {
-    let settings = Settings {
-        branches: vec![branches],
-        topologies: vec![Topology::Parallel],
-        starts: 3,
-        sensor_delay_s: Some(0.0),
-        ..Settings::default()
-    };
+    let settings =
+        Settings { starts: 3, sensor_delay_s: Some(0.0), uncertainty: true, ..recorded::parallel(vec![branches]) };
     recorded::fitted(observations, &settings)
 }
 

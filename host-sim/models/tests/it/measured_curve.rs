@@ -67,12 +67,9 @@ fn fitted(curve: CurveChoice) -> (Parameters, f64) {
         drives.into_par_iter().map(|(peak_v, hz, seed)| recorded(peak_v, hz, seed)).collect();
     let settings = Settings {
         actuator: Actuator { stretch_coupling: 0.0, ..ACTUATOR },
-        branches: vec![0, 1],
-        topologies: vec![Topology::Parallel],
         starts: 4,
-        uncertainty: false,
         curve,
-        ..Settings::default()
+        ..recorded::parallel(vec![0, 1])
     };
     let fit = recorded::fitted(&observations, &settings);
     let largest = observations[1].measured.value.iter().copied().fold(0.0, f64::max);

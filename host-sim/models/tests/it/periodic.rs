@@ -13,7 +13,7 @@ use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{CommandLimits, LearningOptions};
 
-use crate::recorded::controller;
+use crate::recorded::{controller, peak, rms};
 use crate::sweep::full_sweep;
 use crate::tracking::both_films;
 
@@ -81,9 +81,7 @@ fn last(run: &LoopRun) -> [f64; 2] {
     let asked = &run.asked_m[from..];
     let bounds = asked.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)));
     let errors: Vec<f64> = run.displacement_m[from..].iter().zip(asked).map(|(x, r)| x - r).collect();
-    let rms = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
-    let largest = errors.iter().fold(0.0, |largest: f64, e| largest.max(e.abs()));
-    [rms, largest].map(|error| 100.0 * error / (bounds.1 - bounds.0))
+    [rms(&errors), peak(&errors)].map(|error| 100.0 * error / (bounds.1 - bounds.0))
 }
 
 #[test]

@@ -1,14 +1,13 @@
 //! The model of a parameter file as a plant, against the full-memory answer by one Fourier transform.
 
 use host_io::files::parameters::Parameters;
-use host_io::files::recording::Input;
-use host_io::grid::{Grid, Samples};
-use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
-use host_models::replay::simulate;
+use host_io::grid::Grid;
+use host_models::replay::memory::MemoryChoice;
 use host_models::simulation::closed_loop::LimitShare;
 use host_models::simulation::plant::{FullMemoryPlant, Mismatch, Plant};
-use indicatif::ProgressBar;
 use springpot::{Actuator, Limited, Maxwell, Preload, Springpot, Topology};
+
+use crate::recorded::{driven, far, moved_m, peak};
 
 fn parameters(actuator: Actuator) -> Parameters {
     let sp = Springpot::new;
@@ -21,31 +20,19 @@ fn volts(grid: Grid) -> Vec<f64> {
     grid.times_s().iter().map(|t| 2500.0 * (1.0 - (0.9 * t).cos()) + 300.0 * (17.0 * t).sin()).collect()
 }
 
-fn run(mut plant: FullMemoryPlant, volts: &[f64]) -> Vec<f64> {
-    let step = |&v: &f64| {
-        plant.advance(v);
-        plant.displacement_m()
-    };
-    volts.iter().map(step).collect()
-}
-
 /// Blocks that double give the same as the whole at once, with mass, weight and coupling.
 #[test]
 fn is_the_full_memory_answer() {
     // Neither a power of two nor a multiple of a block.
     let grid = Grid::covering(10.003, 1000.0).expect("a grid");
     let volts = volts(grid);
-    let options = RunOptions { memory: MemoryChoice::Full, precision: Precision::F64, ..RunOptions::default() };
     for preload in [Preload::Settled, Preload::FromStart] {
         for stretch_coupling in [0.0, 30.0] {
             let parameters = parameters(Actuator { preload, stretch_coupling, ..Actuator::KARNER_2022 });
-            let input = Input::Voltage(Samples { time_s: grid.times_s(), value: volts.clone() });
-            let exact = simulate::response(&parameters, &input, grid, &options, &ProgressBar::hidden());
-            let exact = exact.expect("a response").displacement_m;
+            let exact = moved_m(&parameters, volts.clone(), grid.rate_hz, MemoryChoice::Full);
             let plant = FullMemoryPlant::at_rest(&parameters, Mismatch::NONE, grid.step_s(), grid.samples);
-            let stepped = run(plant.expect("a plant"), &volts);
-            let largest = exact.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
-            let error = exact.iter().zip(&stepped).fold(0.0, |error: f64, (a, b)| error.max((a - b).abs())) / largest;
+            let stepped = driven(&mut plant.expect("a plant"), volts.iter().copied());
+            let error = far(&exact, &stepped) / peak(&exact);
             println!("{preload:?}, coupling {stretch_coupling}: {error:.1e}");
             assert!(error < 1e-8, "{preload:?}, coupling {stretch_coupling}: {error:.1e}");
         }
@@ -58,10 +45,11 @@ fn a_mismatch_is_what_it_says() {
     let grid = Grid::covering(4.0, 1000.0).expect("a grid");
     let mut film = parameters(Actuator { stretch_coupling: 0.0, mass_kg: 0.0, ..Actuator::KARNER_2022 });
     film.model = Maxwell::new(film.model.main(), film.model.branches(), Topology::Parallel, 0.0).expect("valid");
-    let plant = |stiffness: f64| {
-        FullMemoryPlant::at_rest(&film, Mismatch { stiffness, alpha: 1.0 }, grid.step_s(), grid.samples)
-    };
-    let (one, two) = (run(plant(1.0).expect("valid"), &volts(grid)), run(plant(2.0).expect("valid"), &volts(grid)));
+    let [one, two] = [1.0, 2.0].map(|stiffness| {
+        let mismatch = Mismatch { stiffness, alpha: 1.0 };
+        let plant = FullMemoryPlant::at_rest(&film, mismatch, grid.step_s(), grid.samples);
+        driven(&mut plant.expect("valid"), volts(grid))
+    });
     assert!(one.iter().zip(&two).all(|(one, two)| (one - 2.0 * two).abs() <= 1e-9 * one.abs().max(1e-9)));
 
     let single = Maxwell::new(Springpot::new(3e4, 0.2), &[], Topology::Parallel, 0.0).expect("valid");

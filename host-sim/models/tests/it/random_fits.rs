@@ -4,8 +4,8 @@
 
 use std::f64::consts::TAU;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::AtomicBool;
 
+use crate::recorded::fitted_to;
 use crate::sweep::full_sweep;
 use host_io::files::import::Quantity;
 use host_io::files::parameters::Parameters;
@@ -173,18 +173,14 @@ fn fitted(seed: u64) -> Result<Fit, String> {
     let recordings = recordings(&mut random, temperatures(seed));
     let options = options(&mut random, recordings.len());
     let text_of = |error: host_io::Error| error.to_string();
-    let settings = options.settings(None, Some((Actuator::KARNER_2022, false))).map_err(text_of)?;
+    let (fit, settings, _) = fitted_to(&recordings, &options, Actuator::KARNER_2022).map_err(text_of)?;
     let recordings: Vec<&Recording> = recordings.iter().collect();
-    let observed = options.observations(&recordings).map_err(text_of)?;
-    let observations: Vec<_> = observed.into_iter().map(|(observation, _)| observation).collect();
-    let fit = fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| ()).map_err(text_of)?;
     let parameters = fit.parameters(&settings, options.drive, &recordings).map_err(text_of)?;
     let text = parameters.to_toml();
     Parameters::from_toml("fit.toml".as_ref(), &text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     Ok(fit)
 }
 
-/// Description of the fault of a fit.
 fn fault(fit: &Fit) -> Option<String> {
     let stated = |value: f64| value.is_finite();
     let agreements = fit.agreements.iter().all(|a| stated(a.r2) && stated(a.nrmse_pct) && stated(a.rmse));

@@ -3,18 +3,24 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use host_io::files::import::Quantity;
 use host_io::files::parameters::Parameters;
-use host_io::files::recording::{Direction, Input};
+use host_io::files::recording::{Direction, Input, Recording};
 use host_io::grid::{Grid, Samples};
+use host_models::agreement::mean_nrmse_pct;
 use host_models::fit::observation::{Observation, Reading};
-use host_models::fit::{self, Fit, Settings};
+use host_models::fit::{self, Fit, FitOptions, Settings, Warning};
 use host_models::references::minimum_jerk;
-use host_models::replay::feedforward;
-use host_models::replay::memory::{Precision, RunOptions};
+use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
+use host_models::replay::{feedforward, simulate};
 use host_models::simulation::controllers::{self, Controller, ControllerKind, ControllerSettings};
 use host_models::simulation::plant::Plant;
+pub(crate) use host_models::statistics::{peak, rms};
 use indicatif::ProgressBar;
-use springpot::{CommandLimits, LearningOptions, ObserverOptions};
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+use rand_pcg::Pcg64;
+use springpot::{Actuator, CommandLimits, LearningOptions, ObserverOptions, Topology};
 
 pub(crate) fn observation(name: &str, input: Input, measured: Samples, rate_hz: f64) -> Observation {
     Observation {
@@ -27,6 +33,13 @@ pub(crate) fn observation(name: &str, input: Input, measured: Samples, rate_hz: 
         reading: Reading::default(),
         temperature_c: None,
     }
+}
+
+/// The recording of rows of time (s), voltage (V) and displacement (m).
+pub(crate) fn recording(name: &str, rows: &[[f64; 3]]) -> Recording {
+    let column = |k: usize| rows.iter().map(|row| row[k]).collect::<Vec<f64>>();
+    let columns = vec![(Quantity::Voltage, column(1)), (Quantity::Displacement, column(2))];
+    Recording::of_values(name, column(0), columns).expect("valid")
 }
 
 /// `plant` under `volts` for so many `steps` of `step_s`, and what a sensor `reads` of it `rate_hz` times a second.
@@ -53,8 +66,49 @@ pub(crate) fn recorded(
     observation("a film", input, Samples { time_s, value: measured }, rate_hz)
 }
 
+/// Normal noise of this RMS.
+pub(crate) fn noise(seed: u64, rms: f64) -> impl FnMut() -> f64 {
+    let (mut random, noise) = (Pcg64::seed_from_u64(seed), Normal::new(0.0, rms).expect("valid"));
+    move || noise.sample(&mut random)
+}
+
+/// Displacement (m) of the model of `parameters` under `voltage_v` at `rate_hz`, in double precision.
+pub(crate) fn moved_m(parameters: &Parameters, voltage_v: Vec<f64>, rate_hz: f64, memory: MemoryChoice) -> Vec<f64> {
+    let grid = Grid { rate_hz, samples: voltage_v.len() };
+    let input = Input::Voltage(Samples { time_s: grid.times_s(), value: voltage_v });
+    let options = RunOptions { memory, precision: Precision::F64, rate_hz };
+    simulate::response(parameters, &input, grid, &options, &ProgressBar::hidden()).expect("moves").displacement_m
+}
+
+/// Displacements (m) of `plant` after each of `volts`.
+pub(crate) fn driven(plant: &mut dyn Plant, volts: impl IntoIterator<Item = f64>) -> Vec<f64> {
+    let step = |volts| {
+        plant.advance(volts);
+        plant.displacement_m()
+    };
+    volts.into_iter().map(step).collect()
+}
+
+/// Settings with parallel branches, without uncertainty.
+pub(crate) fn parallel(branches: Vec<usize>) -> Settings {
+    Settings { branches, topologies: vec![Topology::Parallel], uncertainty: false, ..Settings::default() }
+}
+
 pub(crate) fn fitted(observations: &[Observation], settings: &Settings) -> Fit {
     fit::fit(observations, settings, &AtomicBool::new(false), &|_| {}).expect("a fit")
+}
+
+/// The fit to `recordings` of a film of this actuator, its settings, and the warnings about the rows.
+pub(crate) fn fitted_to(
+    recordings: &[Recording],
+    options: &FitOptions,
+    actuator: Actuator,
+) -> host_io::Result<(Fit, Settings, Vec<Warning>)> {
+    let settings = options.settings(None, Some((actuator, false)))?;
+    let observed = options.observations(&recordings.iter().collect::<Vec<_>>())?;
+    let (observations, warnings): (Vec<_>, Vec<_>) = observed.into_iter().unzip();
+    let fit = fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| ())?;
+    Ok((fit, settings, warnings.concat()))
 }
 
 /// The parameters of `fit`, read from its file.
@@ -65,7 +119,7 @@ pub(crate) fn parameters(fit: &Fit, settings: &Settings, direction: Direction) -
 
 /// Mean NRMSE over the recordings, %.
 pub(crate) fn nrmse_pct(fit: &Fit) -> f64 {
-    fit.agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / fit.agreements.len() as f64
+    mean_nrmse_pct(&fit.agreements)
 }
 
 /// A rise to `low_m` within `rise_s`, and a sine of `hz` from there to `high_m` behind it.
@@ -97,14 +151,11 @@ pub(crate) fn feedforward_errors_m(
     let (options, bar) = (RunOptions::default(), ProgressBar::hidden());
     let grid = Grid { rate_hz: 1000.0, samples: wanted.len() };
     let plan = feedforward::plan(parameters, wanted, grid, &options, limits, &bar).expect("a plan");
-    let error = |(&volts, wanted): (&f64, &f64)| {
-        plant.advance(volts);
-        plant.displacement_m() - wanted
-    };
-    plan.voltage_v.iter().zip(wanted).map(error).collect()
+    driven(plant, plan.voltage_v).iter().zip(wanted).map(|(x, wanted)| x - wanted).collect()
 }
 
-/// Root of the mean of the squares.
-pub(crate) fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+/// Largest difference of two series.
+pub(crate) fn far(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).fold(0.0, |far: f64, (a, b)| far.max((a - b).abs()))
 }

@@ -6,18 +6,16 @@
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 
 use host_io::files::recording::{Direction, Recording};
 use host_models::excitation::check;
 use host_models::fit::observation;
 use host_models::fit::options::FitOptions;
 use host_models::fit::preparation::Preparation;
-use host_models::fit::{self, Fit, Settings, Warning};
-use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
-use rand_pcg::Pcg64;
-use springpot::{Actuator, Topology};
+use host_models::fit::{Fit, Settings, Warning};
+use springpot::Actuator;
+
+use crate::recorded::{self, noise};
 
 /// The displacement that is held, m.
 const HELD_M: f64 = 0.01;
@@ -85,17 +83,14 @@ fn ramp_and_hold_n(t: f64, ramp_s: f64) -> f64 {
 #[test]
 fn a_relaxation_is_fitted_with_its_ramp() {
     for (ramp_s, seed) in [(0.5, 1), (0.05, 2)] {
-        let mut random = Pcg64::seed_from_u64(seed);
-        let noise = Normal::new(0.0, 0.15).expect("valid");
-        let mut csv = "time_s,displacement_m,force_n\n".to_owned();
-        for k in 0..1200 {
+        let mut noise = noise(seed, 0.15);
+        let rows = (0..1200).map(|k| {
             let t = 0.1 * f64::from(k);
             let from_start = (t - 1.0).max(0.0);
-            let x = HELD_M * (from_start / ramp_s).min(1.0);
-            let force = 100.0 * ramp_and_hold_n(from_start, ramp_s) + noise.sample(&mut random);
-            writeln!(csv, "{t:?},{x:?},{force:?}").expect("written");
-        }
-        let recording = Recording::from_csv(Path::new("relaxation.csv"), csv.as_bytes()).expect("readable");
+            let force = 100.0 * ramp_and_hold_n(from_start, ramp_s) + noise();
+            (t, HELD_M * (from_start / ramp_s).min(1.0), force)
+        });
+        let recording = recording(rows);
         // Held for two minutes, and so `check` says.
         let report = check::check(std::slice::from_ref(&recording));
         let texts: Vec<&str> = report.findings.iter().map(|finding| finding.finding.as_str()).collect();
@@ -105,7 +100,7 @@ fn a_relaxation_is_fitted_with_its_ramp() {
         let options = FitOptions { drive: Direction::Displacement, ..FitOptions::default() };
         let settings = options.settings(None, None).expect("settings");
         let (observation, _) = options.observations(&[&recording]).expect("rows").swap_remove(0);
-        let fit = fit::fit(&[observation], &settings, &AtomicBool::new(false), &|_| ()).expect("a fit");
+        let fit = recorded::fitted(&[observation], &settings);
         let rmse = fit.agreements[0].rmse;
         println!("{ramp_s} s: R² {:.6}, {rmse} N, {:?}", fit.r2_mean, fit.structures);
         // Of a ramp between two rows the rows do not show the end.
@@ -117,42 +112,39 @@ fn a_relaxation_is_fitted_with_its_ramp() {
 #[test]
 fn a_slack_specimen_is_named() {
     let warnings = |back_to: f64, force_n: &dyn Fn(f64) -> f64| {
-        let mut csv = "time_s,displacement_m,force_n\n".to_owned();
-        for k in 0..=600 {
+        let rows = (0..=600).map(|k| {
             let t = 0.1 * f64::from(k);
             let x = HELD_M * if t < 30.0 { t / 30.0 } else { 1.0 - (1.0 - back_to) * (t - 30.0) / 30.0 };
-            writeln!(csv, "{t:?},{x:?},{:?}", force_n(x / HELD_M) * if t < 30.0 { 1.0 } else { 0.9 }).expect("written");
-        }
-        let recording = Recording::from_csv(Path::new("test.csv"), csv.as_bytes()).expect("readable");
-        let observed = observation::observe(&recording, Direction::Displacement, 1.0).expect("rows");
+            (t, x, force_n(x / HELD_M) * if t < 30.0 { 1.0 } else { 0.9 })
+        });
+        let observed = observation::observe(&recording(rows), Direction::Displacement, 1.0).expect("rows");
         observed.1.into_iter().map(|warning| warning.text).filter(|text| text.contains("slack")).collect::<Vec<_>>()
     };
     // Of 12.6 N 1 % is at 3.078 mm.
     let slack = warnings(0.0, &|x| 20.0 * (x - 0.3).max(0.0));
-    assert!(slack.len() == 1 && slack[0].starts_with("test.csv: from 50.800 to 60.000 s"), "{slack:?}");
+    assert!(slack.len() == 1 && slack[0].starts_with("relaxation.csv: from 50.800 to 60.000 s"), "{slack:?}");
     assert!(slack[0].contains("from 3.067 to 0.000 mm"), "{slack:?}");
     // A rubber's force falls to zero at once, and a specimen that is held back is not slack.
     assert!(warnings(0.0, &|x| 20.0 * x).is_empty());
     assert!(warnings(0.4, &|x| 20.0 * (x - 0.3).max(0.0)).is_empty());
 }
 
-/// One springpot, or one branch beside a springpot, fitted to rows of time (s), displacement (m) and force (N), with the
-/// warnings about the rows.
-fn fitted(rows: impl IntoIterator<Item = (f64, f64, f64)>, branches: usize) -> (Fit, Vec<Warning>) {
+/// The recording of rows of time (s), displacement (m) and force (N).
+fn recording(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Recording {
     let mut csv = "time_s,displacement_m,force_n\n".to_owned();
     for (time_s, x, force) in rows {
         writeln!(csv, "{time_s:?},{x:?},{force:?}").expect("written");
     }
-    let recording = Recording::from_csv(Path::new("relaxation.csv"), csv.as_bytes()).expect("readable");
+    Recording::from_csv(Path::new("relaxation.csv"), csv.as_bytes()).expect("readable")
+}
+
+/// One springpot, or one branch beside a springpot, fitted to such rows, with the warnings about them.
+fn fitted(rows: impl IntoIterator<Item = (f64, f64, f64)>, branches: usize) -> (Fit, Vec<Warning>) {
     let (observation, warnings) =
-        observation::observe(&recording, Direction::Displacement, 1.0).expect("fit for fitting");
-    let settings = Settings {
-        topologies: vec![Topology::Parallel],
-        branches: vec![branches],
-        actuator: Actuator { mass_kg: 0.0, ..Actuator::KARNER_2022 },
-        ..Settings::default()
-    };
-    let fit = fit::fit(&[observation], &settings, &AtomicBool::new(false), &|_| ()).expect("a fit");
+        observation::observe(&recording(rows), Direction::Displacement, 1.0).expect("fit for fitting");
+    let actuator = Actuator { mass_kg: 0.0, ..Actuator::KARNER_2022 };
+    let settings = Settings { actuator, ..recorded::parallel(vec![branches]) };
+    let fit = recorded::fitted(&[observation], &settings);
     println!("R² {:.8}, {:?}, {warnings:?}", fit.r2_mean, fit.candidate.elements);
     (fit, warnings)
 }

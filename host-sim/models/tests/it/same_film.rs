@@ -5,23 +5,19 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 use std::path::Path;
 use std::sync::LazyLock;
-use std::sync::atomic::AtomicBool;
 
-use host_io::files::import::Quantity;
 use host_io::files::parameters::Parameters;
-use host_io::files::recording::{Input, Recording};
-use host_io::grid::{Grid, Samples};
+use host_io::files::recording::{Direction, Recording};
+use host_io::grid::Grid;
 use host_models::fit::options::Branches;
-use host_models::fit::{self, Fit, FitOptions};
+use host_models::fit::{Fit, FitOptions};
 use host_models::references::minimum_jerk;
-use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
-use host_models::replay::{feedforward, simulate};
+use host_models::replay::feedforward;
+use host_models::replay::memory::{MemoryChoice, RunOptions};
 use indicatif::ProgressBar;
-use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
-use rand_pcg::Pcg64;
 use springpot::{Actuator, CommandLimits, Maxwell, Springpot, Topology};
 
+use crate::recorded::{fitted_to, moved_m, noise, recording};
 use crate::sweep::full_sweep;
 
 pub(crate) const ACTUATOR: Actuator = Actuator {
@@ -42,53 +38,32 @@ fn film() -> Parameters {
 
 /// Displacement (m) of `film` at 1 kHz under `voltage_v`.
 fn displacement_m(film: &Parameters, voltage_v: Vec<f64>) -> Vec<f64> {
-    let grid = Grid { rate_hz: 1000.0, samples: voltage_v.len() };
-    let input = Input::Voltage(Samples { time_s: grid.times_s(), value: voltage_v });
-    let options = RunOptions { memory: MemoryChoice::Compressed, precision: Precision::F64, rate_hz: 1000.0 };
-    simulate::response(film, &input, grid, &options, &ProgressBar::hidden()).expect("moves").displacement_m
+    moved_m(film, voltage_v, 1000.0, MemoryChoice::Compressed)
 }
 
-/// Times, voltages and readings of a sine of `hz` at 100 Hz with 4 µm of noise, `late_ms` behind the film.
-struct Rows {
-    name: String,
-    time_s: Vec<f64>,
-    voltage_v: Vec<f64>,
-    displacement_m: Vec<f64>,
+const HZ: [f64; 3] = [0.4, 0.15, 0.08];
+
+/// Time (s), voltage (V) and displacement (m).
+type Rows = Vec<[f64; 3]>;
+
+/// Rows of a sine of `hz` at 100 Hz with 4 µm of noise, `late_ms` behind the film.
+fn sine(hz: f64, late_ms: usize, seed: u64) -> Rows {
+    let mut noise = noise(seed, 4e-6);
+    let volts: Vec<f64> = (0..30_000).map(|k| 1750.0 * (1.0 - (TAU * hz * 1e-3 * f64::from(k)).cos())).collect();
+    let film = displacement_m(&film(), volts.clone());
+    let row = |k: usize| {
+        let read = if k < late_ms { 0.0 } else { film[k - late_ms] };
+        [1e-3 * k as f64, volts[k], read + noise()]
+    };
+    (0..film.len()).step_by(10).map(row).collect()
 }
 
-impl Rows {
-    fn new(hz: f64, late_ms: usize) -> Self {
-        Self::from_film(&film(), hz, late_ms)
-    }
-
-    fn from_film(film: &Parameters, hz: f64, late_ms: usize) -> Self {
-        let mut random = Pcg64::seed_from_u64((1e3 * hz) as u64);
-        let noise = Normal::new(0.0, 4e-6).expect("valid");
-        let volts: Vec<f64> = (0..30_000).map(|k| 1750.0 * (1.0 - (TAU * hz * 1e-3 * f64::from(k)).cos())).collect();
-        let film = displacement_m(film, volts.clone());
-        let rows = || (0..film.len()).step_by(10);
-        let read = |k: usize| if k < late_ms { 0.0 } else { film[k - late_ms] };
-        Self {
-            name: format!("{hz}.csv"),
-            time_s: rows().map(|k| 1e-3 * k as f64).collect(),
-            voltage_v: rows().map(|k| volts[k]).collect(),
-            displacement_m: rows().map(|k| read(k) + noise.sample(&mut random)).collect(),
-        }
-    }
-
-    fn recording(&self) -> Recording {
-        let columns =
-            vec![(Quantity::Voltage, self.voltage_v.clone()), (Quantity::Displacement, self.displacement_m.clone())];
-        Recording::of_values(&self.name, self.time_s.clone(), columns).expect("valid")
-    }
-}
-
-fn rows(late_ms: usize) -> Vec<Rows> {
-    [0.4, 0.15, 0.08].map(|hz| Rows::new(hz, late_ms)).into()
+fn rows(late_ms: usize) -> [Rows; 3] {
+    HZ.map(|hz| sine(hz, late_ms, (1e3 * hz) as u64))
 }
 
 fn recordings(rows: &[Rows]) -> Vec<Recording> {
-    rows.iter().map(Rows::recording).collect()
+    HZ.iter().zip(rows).map(|(hz, rows)| recording(&format!("{hz}.csv"), rows)).collect()
 }
 
 fn options() -> FitOptions {
@@ -96,10 +71,7 @@ fn options() -> FitOptions {
 }
 
 fn tried(recordings: &[Recording], options: &FitOptions) -> host_io::Result<Fit> {
-    let settings = options.settings(None, Some((Actuator { stretch_coupling: 0.0, ..ACTUATOR }, false)))?;
-    let observed = options.observations(&recordings.iter().collect::<Vec<_>>())?;
-    let observations: Vec<_> = observed.into_iter().map(|(observation, _)| observation).collect();
-    fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| ())
+    Ok(fitted_to(recordings, options, Actuator { stretch_coupling: 0.0, ..ACTUATOR })?.0)
 }
 
 fn fitted(recordings: &[Recording], options: &FitOptions) -> Fit {
@@ -135,13 +107,8 @@ fn wherever_the_sensor_is_zeroed_and_whichever_way_it_counts() {
         let moved_m = fit.candidate.offset_m - plain.candidate.offset_m - offset_m;
         assert!(moved_m.abs() < 1e-9, "{what}: an offset that is {moved_m} m off");
     };
-    let read = |of: &dyn Fn(f64) -> f64| -> Vec<Recording> {
-        let with = |rows: &Rows| {
-            let displacement_m = rows.displacement_m.iter().map(|&x| of(x)).collect();
-            let (time_s, voltage_v) = (rows.time_s.clone(), rows.voltage_v.clone());
-            Rows { name: rows.name.clone(), time_s, voltage_v, displacement_m }.recording()
-        };
-        rows.iter().map(with).collect()
+    let read = |of: &dyn Fn(f64) -> f64| {
+        recordings(&rows.each_ref().map(|rows| rows.iter().map(|&[t, v, x]| [t, v, of(x)]).collect()))
     };
     for offset_m in [-35e-3, -1e-3, 35e-3] {
         same(&format!("{offset_m} m"), &read(&|x| x + offset_m), &options(), offset_m);
@@ -150,21 +117,21 @@ fn wherever_the_sensor_is_zeroed_and_whichever_way_it_counts() {
     let mut reversed = recordings(&rows);
     reversed.reverse();
     same("reversed", &reversed, &options(), 0.0);
-    let written = |rows: &Rows| {
+    let written = |(hz, rows): (&f64, &Rows)| {
         let mut csv = "time_s,voltage_kv,displacement_mm\n".to_owned();
-        for k in 0..rows.time_s.len() {
-            let (t, v, x) = (100.0 + rows.time_s[k], 1e-3 * rows.voltage_v[k], 1e3 * rows.displacement_m[k]);
-            writeln!(csv, "{t:?},{v:?},{x:?}").expect("memory");
+        for &[t, v, x] in rows {
+            writeln!(csv, "{:?},{:?},{:?}", 100.0 + t, 1e-3 * v, 1e3 * x).expect("memory");
         }
-        Recording::from_csv(Path::new(&rows.name), csv.as_bytes()).expect("valid")
+        Recording::from_csv(Path::new(&format!("{hz}.csv")), csv.as_bytes()).expect("valid")
     };
-    same("mm and kV on a clock from 100 s", &rows.iter().map(written).collect::<Vec<_>>(), &options(), 0.0);
+    let written: Vec<_> = HZ.iter().zip(&rows).map(written).collect();
+    same("mm and kV on a clock from 100 s", &written, &options(), 0.0);
 }
 
 /// Feedforward error (RMS, % of peak to peak) of `fit` on the film.
 fn feedforward_pct(fit: &Fit) -> f64 {
     let settings = options().settings(None, Some((ACTUATOR, false))).expect("settings");
-    let parameters = fit.parameters(&settings, host_io::files::recording::Direction::Force, &[]).expect("a file");
+    let parameters = fit.parameters(&settings, Direction::Force, &[]).expect("a file");
     let at = |k: i32| {
         let t = 1e-3 * f64::from(k);
         minimum_jerk(t / 2.0) * (0.5e-3 + 0.3e-3 * (TAU * 0.3 * t).sin())
@@ -223,20 +190,15 @@ fn the_delay_is_in_the_file() {
 fn copies_are_refused_and_repetitions_are_not() {
     let rows = rows(0);
     let (first, all) = (&rows[0], recordings(&rows));
-    let with = |time_s: Vec<f64>, voltage_v: Vec<f64>, displacement_m: Vec<f64>| {
-        let copy = Rows { name: "copy.csv".into(), time_s, voltage_v, displacement_m }.recording();
-        tried(&[all.as_slice(), &[copy]].concat(), &options())
-    };
+    let with = |rows: &[[f64; 3]]| tried(&[all.as_slice(), &[recording("copy.csv", rows)]].concat(), &options());
     let part = |from: usize, to: usize, every: usize, of: &dyn Fn(usize, f64) -> f64| {
-        let rows = || (from..to).step_by(every);
-        let time_s = rows().map(|k| first.time_s[k] - first.time_s[from]).collect();
-        let voltage_v = rows().map(|k| first.voltage_v[k]).collect();
-        with(time_s, voltage_v, rows().map(|k| of(k, first.displacement_m[k])).collect())
+        let row = |k: usize| [first[k][0] - first[from][0], first[k][1], of(k, first[k][2])];
+        with(&(from..to).step_by(every).map(row).collect::<Rows>())
     };
-    let count = first.time_s.len();
+    let count = first.len();
     let mean = |k: usize, _: f64| {
-        let near = k.saturating_sub(4)..(k + 5).min(count);
-        near.clone().map(|k| first.displacement_m[k]).sum::<f64>() / near.len() as f64
+        let near = &first[k.saturating_sub(4)..(k + 5).min(count)];
+        near.iter().map(|row| row[2]).sum::<f64>() / near.len() as f64
     };
     for (what, fit) in [
         ("again", part(0, count, 1, &|_, x| x)),
@@ -249,12 +211,7 @@ fn copies_are_refused_and_repetitions_are_not() {
         let error = fit.expect_err(what).to_string();
         assert!(error.starts_with("copy.csv: is a copy of 0.4.csv"), "{what}: {error}");
     }
-    let mut random = Pcg64::seed_from_u64(99);
-    let noise = Normal::new(0.0, 4e-6).expect("valid");
-    let film: Vec<f64> =
-        displacement_m(&film(), (0..30_000).map(|k| 1750.0 * (1.0 - (TAU * 0.4e-3 * f64::from(k)).cos())).collect());
-    let again = film.iter().step_by(10).map(|x| x + noise.sample(&mut random)).collect();
-    with(first.time_s.clone(), first.voltage_v.clone(), again).expect("the same drive, measured again");
+    with(&sine(HZ[0], 0, 99)).expect("the same drive, measured again");
 }
 
 /// Displacement (m) of a springpot of order 0.12 under a force 1 − cos ωt in closed form, t s after rest: the fractional integral of the constant,
@@ -287,21 +244,17 @@ fn springpot_m(hz: f64, t: f64) -> f64 {
 #[test]
 fn one_springpot_is_found_as_one() {
     for every_ms in [10, 100] {
-        let recording = |hz: f64| {
-            let mut random = Pcg64::seed_from_u64((1e3 * hz) as u64);
-            let noise = Normal::new(0.0, 2e-6).expect("valid");
-            let time_s: Vec<f64> = (0..60_000).step_by(every_ms).map(|k| 1e-3 * f64::from(k)).collect();
-            let voltage_v = time_s.iter().map(|t| 3500.0 * (0.5 * TAU * hz * t).sin().abs()).collect();
-            let displacement_m = time_s.iter().map(|&t| springpot_m(hz, t) + noise.sample(&mut random)).collect();
-            Rows { name: format!("{hz}.csv"), time_s, voltage_v, displacement_m }.recording()
+        let rows = |hz: f64| {
+            let mut noise = noise((1e3 * hz) as u64, 2e-6);
+            let row = |k: i32| {
+                let t = 1e-3 * f64::from(k);
+                [t, 3500.0 * (0.5 * TAU * hz * t).sin().abs(), springpot_m(hz, t) + noise()]
+            };
+            (0..60_000).step_by(every_ms).map(row).collect()
         };
-        let recordings: Vec<Recording> = [0.4, 0.15, 0.08].map(recording).into();
-        let options = FitOptions::default();
+        let recordings = recordings(&HZ.map(rows));
         let actuator = Actuator { mass_kg: 0.0, stretch_coupling: 0.0, ..ACTUATOR };
-        let settings = options.settings(None, Some((actuator, false))).expect("settings");
-        let observed = options.observations(&recordings.iter().collect::<Vec<_>>()).expect("recordings");
-        let observations: Vec<_> = observed.into_iter().map(|(observation, _)| observation).collect();
-        let fit = fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| ()).expect("a fit");
+        let (fit, ..) = fitted_to(&recordings, &FitOptions::default(), actuator).expect("a fit");
         println!("{every_ms} ms: {:?} {:?} {:#?}", fit.candidate, fit.structures, fit.warnings);
         assert_eq!((fit.candidate.branches(), fit.candidate.bend.name().as_str()), (0, "linear"));
         assert_eq!(fit.candidate.actuator.saturation_v, None);

@@ -23,7 +23,7 @@ use springpot::{
 };
 
 use crate::hours::Kind;
-use crate::recorded::controller;
+use crate::recorded::{controller, far, peak, rms};
 use crate::sweep::full_sweep;
 
 const STEP_S: f64 = 1e-3;
@@ -105,11 +105,6 @@ fn calibrated(film: &Film, circuit: FilmCircuit, monitors: Monitors, seconds: f6
     capacitance::fit(&samples, options.sample_interval_s()).expect("a relation")
 }
 
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value * value, count + 1.0));
-    (sum / count).sqrt()
-}
-
 /// Errors (% of the stroke) of a film under a drive of `hz`: of blocks, and of 50 ms.
 fn stroke_errors_pct(
     film: &Film,
@@ -129,7 +124,8 @@ fn stroke_errors_pct(
     let error = |block: &Block| block.sensed_m - block.film_m;
     // 50 ms: two and a half blocks.
     let windows = late.windows(3).map(|w| (0.75 * error(&w[0]) + error(&w[1]) + 0.75 * error(&w[2])) / 2.5);
-    let errors = [rms(late.iter().map(error)), rms(windows)].map(|rms| 100.0 * rms / (high - low));
+    let errors = [late.iter().map(error).collect(), windows.collect()]
+        .map(|errors: Vec<f64>| 100.0 * rms(&errors) / (high - low));
     println!(
         "| {tone_v} V | {hz} Hz, {:.2} mm | {:.2} | {:.2} | {:.2} |",
         1e3 * (high - low),
@@ -182,7 +178,7 @@ fn the_tone_does_not_move_the_film() {
     let (without, with) = (moved(0.0), moved(TONE_V));
     let stroke = without[10_000..].iter().fold(0.0, |high: f64, x| high.max(*x))
         - without[10_000..].iter().fold(1.0, |low: f64, x| low.min(*x));
-    let largest = with.iter().zip(&without).fold(0.0, |largest: f64, (a, b)| largest.max((a - b).abs()));
+    let largest = far(&with, &without);
     println!("the tone moves the film by {:.4} % of {:.2} mm", 100.0 * largest / stroke, 1e3 * stroke);
     assert!(largest < 3e-3 * stroke, "{largest:e} of {stroke:e} m");
 }
@@ -224,8 +220,7 @@ fn held_pct(plant: film::Plant, creep: f64, stiffness: f64) -> [f64; 2] {
         Ok(())
     });
     assert_eq!(found.expect("no pull-in"), None, "no fault");
-    let largest = errors.iter().fold(0.0, |largest: f64, e| largest.max(e.abs()));
-    let rms = rms(errors.into_iter());
+    let [rms, largest] = [rms, peak].map(|of| of(&errors));
     println!("| {plant:?} | creep {creep} | stiffness {stiffness} | {rms:.2} | {largest:.2} |");
     [rms, largest]
 }

@@ -6,15 +6,14 @@ use std::path::Path;
 use dea_driver::wire::Mode;
 use dea_driver::{Blob, Controller};
 use host_io::files::parameters::Parameters;
-use host_io::files::recording::{Direction, Input, Recording};
-use host_io::grid::{Grid, Samples};
+use host_io::files::recording::{Direction, Recording};
+use host_io::grid::Grid;
 use host_models::fit::candidate::Candidate;
 use host_models::fit::objective::Objective;
 use host_models::fit::observation;
 use host_models::replay::comparison::Comparison;
-use host_models::replay::memory::{Precision, RunOptions};
+use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
 use host_models::replay::observer;
-use host_models::replay::simulate;
 use host_models::simulation::closed_loop::{self, BenchModel};
 use host_models::simulation::controllers::ControllerKind;
 use host_models::simulation::film::{Film, Plant, Waveform};
@@ -22,7 +21,7 @@ use host_models::simulation::processor::{FirmwareLaw, Task, TaskOptions};
 use indicatif::ProgressBar;
 use springpot::{CommandLimits, Preload};
 
-use crate::recorded::controller;
+use crate::recorded::{controller, far, moved_m, peak};
 
 const OFFSET_M: f64 = 1e-3;
 const RATE_HZ: f64 = 1000.0;
@@ -36,10 +35,7 @@ fn recorded() -> (Vec<f64>, Vec<f64>, Recording) {
     let grid = Grid::covering(10.0, RATE_HZ).expect("a grid");
     let wave = Waveform { peak_v: 6000.0, frequencies_hz: vec![0.2] };
     let voltage: Vec<f64> = grid.times_s().into_iter().map(|t| wave.voltage_v(t)).collect();
-    let input = Input::Voltage(Samples { time_s: grid.times_s(), value: voltage.clone() });
-    let options = RunOptions { precision: Precision::F64, ..RunOptions::default() };
-    let response = simulate::response(&parameters(0.0), &input, grid, &options, &ProgressBar::hidden());
-    let film = response.expect("a response").displacement_m;
+    let film = moved_m(&parameters(0.0), voltage.clone(), RATE_HZ, MemoryChoice::Compressed);
     let mut csv = "time_s,voltage_v,displacement_m\n".to_owned();
     for ((t, v), x) in grid.times_s().iter().zip(&voltage).zip(&film) {
         writeln!(csv, "{t},{v},{}", x + OFFSET_M).expect("memory");
@@ -92,14 +88,9 @@ fn replay_fit_observer_and_processor_agree() {
         let Task::Observe(targets) = observer_task(&recording, &parameters) else { panic!("not to observe") };
         let (blob, board) = parameters.checked_blob(RATE_HZ).expect("a blob");
         let mut host = Controller::new(Blob::decode(&blob, board.id).expect("valid"));
-        let followed = targets.iter().map(|&target| host.follow(Mode::Voltage, target).displacement_m);
-        let largest = |errors: &mut dyn Iterator<Item = f64>| errors.fold(0.0, |largest: f64, e| largest.max(e.abs()));
-        [
-            agreement.rmse,
-            largest(&mut fitted.into_iter()),
-            observed.expect("estimates").summary().innovation_rms_m,
-            largest(&mut followed.zip(&film).map(|(estimate, x)| f64::from(estimate) - x)),
-        ]
+        let followed: Vec<f64> =
+            targets.iter().map(|&target| host.follow(Mode::Voltage, target).displacement_m.into()).collect();
+        [agreement.rmse, peak(&fitted), observed.expect("estimates").summary().innovation_rms_m, far(&followed, &film)]
     };
     // Compressed memory, full memory and f64 differ by less than a micrometre; the offset is a thousand. The firmware takes
     // every sample as 10 ms late, in which the film moves by up to 28 µm.

@@ -26,7 +26,7 @@ use springpot::{Actuator, CommandLimits, Discretisation, Knot, Load, Maxwell, Pr
 use crate::curves::FILM;
 use crate::defining_sum::modulus_series;
 use crate::plants::{Stiffening, StiffeningFilm};
-use crate::recorded::{controller, feedforward_errors_m, risen_sine_m, rms};
+use crate::recorded::{controller, driven, far, feedforward_errors_m, moved_m, peak, risen_sine_m, rms};
 
 /// Stiffness (N/m) and retardation time (s) of the Kelvin–Voigt elements.
 const ELEMENTS: [(f64, f64); 2] = [(40e3, 0.3), (50e3, 5.0)];
@@ -70,19 +70,10 @@ fn in_series(model: Maxwell, actuator: Actuator) -> Parameters {
 }
 
 /// A film of springpots, with or without mass.
-fn fractional(mass_kg: f64) -> Parameters {
+pub(crate) fn fractional(mass_kg: f64) -> Parameters {
     let branches = [[Springpot::new(30e3, 0.05), Springpot::new(60e3, 0.8)]];
     let model = Maxwell::new(Springpot::new(18e3, 0.12), &branches, Topology::Parallel, mass_kg).expect("valid");
     in_series(model, Actuator { stretch_coupling: 30.0, mass_kg, preload: Preload::Settled, ..FILM })
-}
-
-fn far(a: &[f64], b: &[f64]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    a.iter().zip(b).fold(0.0, |far: f64, (a, b)| far.max((a - b).abs()))
-}
-
-fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()))
 }
 
 /// Law, full memory and plant under a voltage, against the film's differential equations.
@@ -92,7 +83,7 @@ fn is_the_film_of_its_differential_equations() {
     let grid = Grid::covering(20.0, 1000.0).expect("a grid");
     let volts = |t: f64| 1900.0 * (1.0 - (TAU * 0.3 * t).cos());
     let exact = solved(truth, grid, volts);
-    let stroke = largest(&exact);
+    let stroke = peak(&exact);
     assert!(stroke > 1.5e-3, "the spring stiffens: {stroke}");
 
     let input =
@@ -116,7 +107,8 @@ fn is_the_film_of_its_differential_equations() {
         }
     }
     let plant = FullMemoryPlant::at_rest(&film, Mismatch::NONE, grid.step_s(), grid.samples);
-    let error = far(&moved(&mut plant.expect("a plant"), grid, volts), &exact) / stroke;
+    let moved = driven(&mut plant.expect("a plant"), grid.times_s().into_iter().map(volts));
+    let error = far(&moved, &exact) / stroke;
     assert!(error < 1e-3, "plant: {error:.1e}");
 }
 
@@ -129,15 +121,6 @@ fn solved(film: Stiffening, grid: Grid, volts: impl Fn(f64) -> f64) -> Vec<f64> 
         x
     };
     grid.times_s().into_iter().map(at).collect()
-}
-
-/// Displacements (m) of `plant` under `volts`.
-fn moved(plant: &mut dyn Plant, grid: Grid, volts: impl Fn(f64) -> f64) -> Vec<f64> {
-    let step = |t: f64| {
-        plant.advance(volts(t));
-        plant.displacement_m()
-    };
-    grid.times_s().into_iter().map(step).collect()
 }
 
 /// Feedforward, and a loop with a sensor, take the film of the differential equations along a sine.
@@ -191,7 +174,7 @@ fn an_observer_follows_it() {
     };
     let tuning = Tuning::new(None, 0.0).expect("valid");
     let found = recording.estimate(&film, tuning, Precision::F32, &ProgressBar::hidden()).expect("estimates");
-    let (error, disturbance) = (far(&found.displacement_m, &exact) / largest(&exact), largest(&found.disturbance_n));
+    let (error, disturbance) = (far(&found.displacement_m, &exact) / peak(&exact), peak(&found.disturbance_n));
     println!("{error:.1e} of the stroke, {disturbance:.1e} N");
     assert!(error < 1e-3 && disturbance < 0.05, "{error:.1e} of the stroke, {disturbance:.1e} N");
 }
@@ -285,13 +268,13 @@ fn full_memory_is_the_sum_over_the_past() {
         let loads: Vec<Load<f64>> = grid.times_s().into_iter().map(|t| film.actuator.load(volts(t))).collect();
         let mut sum = Sum::new(&film, grid);
         loads.iter().for_each(|load| sum.step(|x, f, inertia| load.force_n + load.slope_n_per_m * x - f - inertia));
-        let stroke = largest(&sum.moved);
+        let stroke = peak(&sum.moved);
         assert!(stroke > 1e-3, "{stroke}");
 
         let circle = FullMemory::new(grid.samples, grid.step_s());
         let full = circle.displacement_under(film.film(), &loads, grid.step_s()).expect("it converges");
         let plant = FullMemoryPlant::at_rest(&film, Mismatch::NONE, grid.step_s(), grid.samples);
-        let plant = moved(&mut plant.expect("a plant"), grid, volts);
+        let plant = driven(&mut plant.expect("a plant"), grid.times_s().into_iter().map(volts));
         let errors = [full, plant].map(|moved| far(&moved, &sum.moved) / stroke);
         println!("{mass_kg} kg: {errors:?}");
         assert!(errors.iter().all(|error| *error < 1e-11), "{mass_kg} kg: {errors:?}");
@@ -303,7 +286,7 @@ fn full_memory_is_the_sum_over_the_past() {
             sum.shown()
         };
         let exact: Vec<f64> = path.iter().map(&mut shown).collect();
-        let error = far(&circle.force_along(film.film(), &path), &exact) / largest(&exact);
+        let error = far(&circle.force_along(film.film(), &path), &exact) / peak(&exact);
         println!("{mass_kg} kg along a path: {error:.1e}");
         assert!(error < 1e-11, "{mass_kg} kg: {error:.1e}");
     }
@@ -316,11 +299,8 @@ fn full_memory_inverts_itself() {
     let grid = Grid::covering(6.0, 100.0).expect("a grid");
     let wanted: Vec<f64> = grid.times_s().iter().map(|&t| risen_sine_m(t, 2.0, 0.8e-3, 1.8e-3, 0.5)).collect();
     let options = RunOptions { rate_hz: 100.0, memory: MemoryChoice::Full, precision: Precision::F64 };
-    let bar = ProgressBar::hidden();
-    let plan = feedforward::plan(&film, &wanted, grid, &options, LIMITS, &bar).expect("a plan");
-    let input = Input::Voltage(Samples { time_s: grid.times_s(), value: plan.voltage_v });
-    let response = simulate::response(&film, &input, grid, &options, &bar).expect("a response");
-    assert!(far(&response.displacement_m, &wanted) < 1e-8 * 1.8e-3);
+    let plan = feedforward::plan(&film, &wanted, grid, &options, LIMITS, &ProgressBar::hidden()).expect("a plan");
+    assert!(far(&moved_m(&film, plan.voltage_v, 100.0, MemoryChoice::Full), &wanted) < 1e-8 * 1.8e-3);
 }
 
 /// The spring has a stroke of its own: a film that creeps moves further than its spring is stretched.
@@ -360,12 +340,8 @@ fn fits_to_parts_keep_the_spring() {
         speed_m_per_s: 1.0,
         time_s: 100.0,
         left_out_m: 1e-6,
-        misfit_m: 0.0,
-        fault_m: 0.0,
-        lag_s: 0.0,
-        jitter_s: 0.0,
-        temperature_c: None,
         refits: vec![Refit::new(film)],
+        ..Recorded::default()
     };
     let error_pct = |refit: &Parameters| {
         let voltage_v = plan.voltage_v.clone();
@@ -374,23 +350,6 @@ fn fits_to_parts_keep_the_spring() {
     let (same, linear) = (error_pct(&film), error_pct(&Parameters { spring: None, ..film.clone() }));
     println!("{same:.1e} % and {linear:.0} %");
     assert!(same < 1e-3 && linear > 10.0, "{same} % and {linear} %");
-}
-
-/// A film whose forces are all `factor` times as large moves under √factor times the voltage as the film does under the voltage.
-#[test]
-fn a_mismatch_of_the_stiffness_is_one_of_memory_and_spring() {
-    let film = fractional(0.0);
-    let grid = Grid::covering(10.0, 100.0).expect("a grid");
-    let under = |stiffness: f64| {
-        let mismatch = Mismatch { stiffness, ..Mismatch::NONE };
-        let mut plant = FullMemoryPlant::at_rest(&film, mismatch, grid.step_s(), grid.samples).expect("a plant");
-        moved(&mut plant, grid, |t| stiffness.sqrt() * 3000.0 * t.sin())
-    };
-    let expected = under(1.0);
-    assert!(largest(&expected) > 1e-3);
-    for stiffness in [0.5, 1.3] {
-        assert!(far(&under(stiffness), &expected) < 1e-9 * 1e-3, "{stiffness}");
-    }
 }
 
 /// A film that the voltage pulls in is noticed, by the plant as by full memory.

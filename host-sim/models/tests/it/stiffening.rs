@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use crate::curves::FILM;
 use crate::plants::{Stiffening, StiffeningFilm};
-use crate::recorded::{self, feedforward_errors_m, recorded, risen_sine_m, rms};
+use crate::recorded::{self, feedforward_errors_m, noise, recorded, risen_sine_m, rms};
 use crate::sweep::full_sweep;
 use host_io::files::parameters::Parameters;
 use host_io::files::recording::Direction;
@@ -18,7 +18,6 @@ use host_models::fit::{Fit, Settings, StructureRow};
 use host_models::replay::expectation::{Expectation, Quantity, Recorded};
 use host_models::replay::feasibility;
 use rand::{RngExt, SeedableRng};
-use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use springpot::{CommandLimits, EPSILON_0};
 
@@ -58,15 +57,14 @@ impl Case {
     }
 
     fn recordings(&self, seed: u64) -> Vec<Observation> {
-        let mut random = Pcg64::seed_from_u64(seed);
-        let noise = Normal::new(0.0, self.noise_m).expect("valid");
-        let record = |&(peak_v, hz): &(f64, f64)| {
+        let mut noise = noise(seed, self.noise_m);
+        let mut record = |&(peak_v, hz): &(f64, f64)| {
             let mut film = StiffeningFilm::new(self.film.clone(), 1e-3);
             let volts = |t: f64| 0.5 * peak_v * (1.0 - (TAU * hz * t).cos());
             let steps = (self.duration_s * 1e3) as usize;
-            recorded(&mut film, 1e-3, steps, self.rate_hz, volts, |x| x + self.offset_m + noise.sample(&mut random))
+            recorded(&mut film, 1e-3, steps, self.rate_hz, volts, |x| x + self.offset_m + noise())
         };
-        self.sines.iter().map(record).collect()
+        self.sines.iter().map(&mut record).collect()
     }
 }
 
@@ -263,11 +261,7 @@ fn what_was_not_recorded_is_reported() {
         time_s: 60.0,
         left_out_m: 1e-6,
         misfit_m: 1e-6,
-        fault_m: 0.0,
-        lag_s: 0.0,
-        jitter_s: 0.0,
-        temperature_c: None,
-        refits: Vec::new(),
+        ..Recorded::default()
     };
     let parameters = Parameters::preset("table3-n1").expect("there");
     let expectation = |peak_m: f64, hz: f64, time_s: f64, voltage_v: f64| {

@@ -7,20 +7,20 @@ use std::sync::atomic::AtomicBool;
 
 use host_io::files::import::Quantity;
 use host_io::files::parameters::Parameters;
-use host_io::files::recording::{Direction, Input, Recording};
-use host_io::grid::{Grid, Samples};
+use host_io::files::recording::{Direction, Recording};
+use host_io::grid::Grid;
 use host_models::fit::options::Branches;
 use host_models::fit::{self, CurveChoice, Fit, FitOptions, Loss};
 use host_models::replay::expectation::Recorded;
+use host_models::replay::feedforward;
 use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
-use host_models::replay::{feedforward, simulate};
 use indicatif::ProgressBar;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use springpot::{Actuator, CommandLimits, Maxwell, Spring, Springpot, Topology};
 
-use crate::recorded::risen_sine_m;
+use crate::recorded::{fitted_to, moved_m, risen_sine_m};
 use crate::same_film::ACTUATOR;
 use crate::sweep::full_sweep;
 
@@ -68,12 +68,8 @@ impl Film {
             actuator: Actuator { mass_kg, ..self.parameters.actuator },
             ..self.parameters.clone()
         };
-        let rate_hz = 1000.0 * time;
-        let grid = Grid { rate_hz, samples: voltage_v.len() };
-        let value = voltage_v.iter().map(|volts| volts / stiffness.sqrt()).collect();
-        let input = Input::Voltage(Samples { time_s: grid.times_s(), value });
-        let options = RunOptions { memory: MemoryChoice::Compressed, precision: Precision::F64, rate_hz };
-        simulate::response(&film, &input, grid, &options, &ProgressBar::hidden()).expect("moves").displacement_m
+        let volts = voltage_v.iter().map(|volts| volts / stiffness.sqrt()).collect();
+        moved_m(&film, volts, 1000.0 * time, MemoryChoice::Compressed)
     }
 
     /// 100 s of a sine of `hz` at 100 Hz with 3 µm of noise, zeroed anew.
@@ -101,7 +97,6 @@ impl Film {
         [(0.4, 20.0), (0.15, 30.0), (0.08, 38.0)].map(|(hz, temperature_c)| self.recording(hz, temperature_c)).into()
     }
 
-    /// The options with which it is fitted.
     fn options(&self) -> FitOptions {
         let curve = if self.parameters.spring.is_some() { CurveChoice::Series } else { CurveChoice::None };
         FitOptions { branches: Branches::Auto, curve, ..FitOptions::default() }
@@ -109,11 +104,8 @@ impl Film {
 }
 
 fn tried(recordings: &[Recording], options: &FitOptions) -> host_io::Result<(Fit, Parameters)> {
-    let settings = options.settings(None, Some((Actuator { stretch_coupling: 0.0, ..ACTUATOR }, false)))?;
-    let all: Vec<&Recording> = recordings.iter().collect();
-    let observations: Vec<_> = options.observations(&all)?.into_iter().map(|(observation, _)| observation).collect();
-    let fit = fit::fit(&observations, &settings, &AtomicBool::new(false), &|_| ())?;
-    let parameters = fit.parameters(&settings, Direction::Force, &all)?;
+    let (fit, settings, _) = fitted_to(recordings, options, Actuator { stretch_coupling: 0.0, ..ACTUATOR })?;
+    let parameters = fit.parameters(&settings, Direction::Force, &recordings.iter().collect::<Vec<_>>())?;
     Ok((fit, parameters))
 }
 
@@ -169,7 +161,6 @@ fn the_dependence_on_the_temperature_is_found() {
     assert!(unknown_pct > 10.0 * median_pct, "the temperature matters");
 }
 
-/// Two temperatures show the dependence as well.
 #[test]
 fn two_temperatures_are_enough() {
     let film = Film::random(1);
@@ -183,20 +174,19 @@ fn two_temperatures_are_enough() {
     }
 }
 
+/// `recording` without its temperature, under another name.
+fn without_temperature(recording: &Recording, name: &str) -> Recording {
+    let columns = recording.columns().into_iter().zip([Quantity::Voltage, Quantity::Displacement]);
+    let columns = columns.map(|((_, values), of)| (of, values)).collect();
+    Recording::of_values(name, recording.time_s().to_vec(), columns).expect("valid")
+}
+
 /// Recordings at one temperature are fitted as without the column, to the bit.
 #[test]
 fn one_temperature_changes_nothing() {
     let film = Film::random(1);
     let with: Vec<Recording> = [0.4, 0.15].map(|hz| film.recording(hz, 25.0)).into();
-    let without: Vec<Recording> = with
-        .iter()
-        .map(|recording| {
-            let quantities = [Quantity::Voltage, Quantity::Displacement].into_iter();
-            let columns = recording.columns().into_iter().zip(quantities).map(|((_, values), of)| (of, values));
-            Recording::of_values(&recording.path().to_string_lossy(), recording.time_s().to_vec(), columns.collect())
-                .expect("valid")
-        })
-        .collect();
+    let without = with.iter().map(|with| without_temperature(with, &with.path().to_string_lossy())).collect();
     let [(with, parameters), (without, plain)] =
         [with, without].map(|recordings| tried(&recordings, &film.options()).expect("a fit"));
     assert_eq!((parameters.model, parameters.temperature), (plain.model, None));
@@ -220,11 +210,7 @@ fn temperatures_that_cannot_be_used_are_refused() {
     });
     assert!(refused(&kelvin).contains("kelvin.csv: temperature_c: a temperature of 293.15 °C"), "{}", refused(&kelvin));
     let mut some = film.recordings();
-    some[1] = {
-        let columns = some[1].columns().into_iter().zip([Quantity::Voltage, Quantity::Displacement]);
-        let columns = columns.map(|((_, values), of)| (of, values)).collect();
-        Recording::of_values("cold.csv", some[1].time_s().to_vec(), columns).expect("valid")
-    };
+    some[1] = without_temperature(&some[1], "cold.csv");
     assert!(refused(&some).contains("cold.csv has no column temperature_c"), "{}", refused(&some));
     let huber = FitOptions { loss: Loss::Huber, ..film.options() };
     assert!(tried(&film.recordings(), &huber).expect_err("refused").to_string().contains("least squares"));

@@ -4,18 +4,14 @@
 //! `cargo test -p host-models --test it tracking -- --nocapture` prints it.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, PoisonError};
 
-use crate::recordings::recordings;
 use crate::sweep::full_sweep;
+use crate::{fitting, recorded};
 use documents::{Documents, Tolerance};
 use host_io::choice::Choice;
 use host_io::files::parameters::Parameters;
-use host_io::files::recording::{Direction, Recording};
 use host_io::grid::Grid;
-use host_models::fit::observation::observe;
-use host_models::fit::{self, Settings};
 use host_models::references::{Reference, Shape};
 use host_models::replay::feasibility;
 use host_models::replay::memory::Precision;
@@ -24,13 +20,10 @@ use host_models::simulation::controllers::{self, ControllerKind, ControllerSetti
 use host_models::simulation::film::{Film, Plant};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
-use springpot::{AmplifierLag, CommandLimits, ObserverOptions, Topology};
-
-static NEVER: AtomicBool = AtomicBool::new(false);
+use springpot::{AmplifierLag, CommandLimits, ObserverOptions};
 
 const RATE_HZ: f64 = 1000.0;
 const SECONDS: f64 = 155.0;
-/// The one bandwidth.
 const BANDWIDTH_HZ: f64 = 0.6;
 /// Feedback alone is tuned: the best of these for every reference.
 const PI_HZ: [f64; 4] = [0.5, 0.8, 0.9, 1.0];
@@ -44,13 +37,8 @@ pub(crate) fn fitted(plant: &'static str) -> Parameters {
 }
 
 fn fit_to(plant: &str) -> Parameters {
-    let observations: Vec<_> = recordings(plant)
-        .iter()
-        .map(|path| observe(&Recording::read(path).expect("readable"), Direction::Force, 1.0).expect("fit for it").0)
-        .collect();
-    let settings =
-        Settings { topologies: vec![Topology::Parallel], branches: vec![4], uncertainty: false, ..Settings::default() };
-    let candidate = fit::fit(&observations, &settings, &NEVER, &|_| ()).expect("a fit").candidate;
+    let observations = fitting::observations(plant);
+    let candidate = recorded::fitted(&observations, &recorded::parallel(vec![4])).candidate;
     let model = candidate.model().expect("valid");
     let film = Parameters::preset("table3-n1").expect("there");
     Parameters { actuator: candidate.actuator, model, sensor_offset_m: candidate.offset_m, ..film }
@@ -76,7 +64,6 @@ fn references(plant: Plant) -> [(&'static str, Reference); 5] {
     }
 }
 
-/// One run of the bench.
 struct Trial<'a> {
     parameters: &'a Parameters,
     film: Film,
@@ -119,10 +106,9 @@ fn grid() -> Grid {
 /// RMS error (% of the reference's peak to peak) from `from` to `to` (s).
 fn rms_within(run: &LoopRun, from: f64, to: f64) -> f64 {
     let range = (from * RATE_HZ) as usize..(to * RATE_HZ) as usize;
-    let error = &run.error_m()[range.clone()];
     let (low, high) =
         run.reference_m.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
-    100.0 / (high - low) * (error.iter().map(|e| e * e).sum::<f64>() / range.len() as f64).sqrt()
+    100.0 / (high - low) * recorded::rms(&run.error_m()[range])
 }
 
 /// Largest change of voltage in a tick from `from` to `to` (s), V.

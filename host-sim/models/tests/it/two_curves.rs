@@ -16,12 +16,10 @@ use host_models::replay::{feasibility, feedforward, simulate};
 use host_models::simulation::film::{self, Film};
 use host_models::simulation::plant::{FullMemoryPlant, Mismatch, NonlinearPlant, Plant};
 use indicatif::ProgressBar;
-use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
-use rand_pcg::Pcg64;
 use springpot::{Actuator, CommandLimits, Discretisation, Law, Load, Maxwell, Preload, Topology};
 
-use crate::recorded::{observation, risen_sine_m};
+use crate::recorded::{driven, far, noise, observation, parallel, peak, risen_sine_m};
+use crate::series::fractional;
 use crate::sweep::full_sweep;
 use crate::{fitting, recorded};
 
@@ -158,9 +156,8 @@ fn recorded(parameters: &Parameters, drive: &str, peak: f64, hz: f64, seed: u64)
         measured.push(shown);
     }
     let size = measured.iter().copied().fold(0.0, f64::max);
-    let noise = Normal::new(0.0, 1e-3 * size).expect("valid");
-    let mut random = Pcg64::seed_from_u64(seed);
-    measured.iter_mut().for_each(|value| *value += noise.sample(&mut random));
+    let mut noise = noise(seed, 1e-3 * size);
+    measured.iter_mut().for_each(|value| *value += noise());
     let samples = |value| Samples { time_s: grid.times_s(), value };
     let input = match drive {
         "voltage" => Input::Voltage(samples(values)),
@@ -180,15 +177,8 @@ fn two_curves_are_found() {
         let drives = [(3300.0, 0.3), (3300.0, 0.08), (1900.0, 0.15)];
         let observations: Vec<Observation> =
             drives.iter().zip(1..).map(|(&(peak, hz), seed)| recorded(&truth, drive, peak, hz, seed)).collect();
-        let settings = Settings {
-            actuator: truth.actuator,
-            branches: vec![0, 1],
-            topologies: vec![Topology::Parallel],
-            uncertainty: false,
-            starts: 2,
-            curve: CurveChoice::Two,
-            ..Settings::default()
-        };
+        let settings =
+            Settings { actuator: truth.actuator, starts: 2, curve: CurveChoice::Two, ..parallel(vec![0, 1]) };
         let fit = recorded::fitted(&observations, &settings);
         let direction = if drive == "displacement" { Direction::Displacement } else { Direction::Force };
         let found = recorded::parameters(&fit, &settings, direction);
@@ -228,24 +218,22 @@ fn a_reference_beyond_the_spring_is_reported() {
 /// A film whose forces are all `factor` times as large moves under √factor times the voltage as the film does under the voltage.
 #[test]
 fn a_mismatch_of_the_stiffness_is_one_of_memory_and_spring() {
-    let mut film = parsed(FILE).expect("valid");
-    (film.actuator.preload, film.actuator.stretch_coupling) = (Preload::Settled, 20.0);
-    film.model = Maxwell::new(film.model.main(), film.model.branches(), Topology::Parallel, 0.0).expect("valid");
+    let mut beside = parsed(FILE).expect("valid");
+    (beside.actuator.preload, beside.actuator.stretch_coupling) = (Preload::Settled, 20.0);
+    beside.model = Maxwell::new(beside.model.main(), beside.model.branches(), Topology::Parallel, 0.0).expect("valid");
     let grid = Grid::covering(20.0, RATE_HZ).expect("a grid");
-    let moved = |stiffness: f64| {
-        let mismatch = Mismatch { stiffness, ..Mismatch::NONE };
-        let mut plant = FullMemoryPlant::at_rest(&film, mismatch, grid.step_s(), grid.samples).expect("a plant");
-        let mut step = |t: f64| {
-            plant.advance(stiffness.sqrt() * 3000.0 * t.sin());
-            plant.displacement_m()
+    for film in [beside, fractional(0.0)] {
+        let moved = |stiffness: f64| {
+            let mismatch = Mismatch { stiffness, ..Mismatch::NONE };
+            let plant = FullMemoryPlant::at_rest(&film, mismatch, grid.step_s(), grid.samples);
+            let volts = grid.times_s().into_iter().map(|t| stiffness.sqrt() * 3000.0 * t.sin());
+            driven(&mut plant.expect("a plant"), volts)
         };
-        grid.times_s().into_iter().map(&mut step).collect::<Vec<f64>>()
-    };
-    let expected = moved(1.0);
-    assert!(expected.iter().any(|x| *x > 1e-3), "{expected:?}");
-    for stiffness in [0.5, 0.8, 1.3] {
-        let moved = moved(stiffness);
-        assert!(moved.iter().zip(&expected).all(|(x, y)| (x - y).abs() < 1e-9 * 1e-3), "{stiffness}");
+        let expected = moved(1.0);
+        assert!(peak(&expected) > 1e-3, "{expected:?}");
+        for stiffness in [0.5, 0.8, 1.3] {
+            assert!(far(&moved(stiffness), &expected) < 1e-9 * 1e-3, "{stiffness}");
+        }
     }
 }
 
@@ -260,9 +248,7 @@ const HIGH_M: f64 = 4e-3;
 /// Two curves, or none, of three parallel branches fitted to recordings of the film of finite strain.
 pub(crate) fn fitted(observations: &[Observation], curve: CurveChoice) -> Parameters {
     let actuator = Actuator { length_m: 0.06, width_m: 0.04, ..Actuator::KARNER_2022 };
-    let topologies = vec![Topology::Parallel];
-    let settings =
-        Settings { actuator, branches: vec![3], topologies, uncertainty: false, curve, ..Settings::default() };
+    let settings = Settings { actuator, curve, ..parallel(vec![3]) };
     let fit = recorded::fitted(observations, &settings);
     println!("{:?}\n{:?}", fit.candidate, fit.structures);
     fit.parameters(&settings, Direction::Force, &[]).expect("parameters")
@@ -299,13 +285,12 @@ fn followed(parameters: &Parameters, seconds: f64, rate_hz: f64) -> ([f64; 3], [
 
 /// A recording of the film of finite strain: 0 V to `peak_v` and back at `hz`, 5 µm of noise.
 pub(crate) fn of_finite_strain(peak_v: f64, hz: f64, seconds: f64, every_ms: usize) -> Observation {
-    let noise = Normal::new(0.0, 5e-6).expect("valid");
-    let mut random = Pcg64::seed_from_u64((1e3 * hz + peak_v) as u64);
+    let mut noise = noise((1e3 * hz + peak_v) as u64, 5e-6);
     let film = Film::new(film::Plant::Hossain);
     let mut plant = NonlinearPlant::at_rest(&film, 1e-3);
     let (steps, rate_hz) = ((1e3 * seconds) as usize, 1e3 / every_ms as f64);
     let volts = |t: f64| 0.5 * peak_v * (1.0 - (TAU * hz * t).cos());
-    let recording = recorded::recorded(&mut plant, 1e-3, steps, rate_hz, volts, |x| x + noise.sample(&mut random));
+    let recording = recorded::recorded(&mut plant, 1e-3, steps, rate_hz, volts, |x| x + noise());
     Observation { name: format!("{peak_v} V, {hz} Hz"), ..recording }
 }
 

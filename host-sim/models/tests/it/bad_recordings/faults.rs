@@ -7,11 +7,12 @@ use rand_pcg::Pcg64;
 
 use super::film::{Film, PEAK_V, Run, STEP_S, sine};
 
-/// A fault: its name, the words of which one names it, where it acts, and what it does with a random strength.
+/// A fault: its name, the words of which one names it, when it acts, and what it does with a random strength.
 pub(super) struct Fault {
     pub(super) name: &'static str,
     pub(super) causes: &'static [&'static str],
     pub(super) stage: Stage,
+    pub(super) change: Change,
     /// Whether it is as strong in all recordings: a property of an instrument.
     pub(super) is_of_instrument: bool,
 }
@@ -22,28 +23,28 @@ impl Fault {
     }
 }
 
-pub(super) type Change = fn(&mut Run, &mut Pcg64);
+type Change = fn(&mut Run, &mut Pcg64);
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 pub(super) enum Stage {
     /// Before the film moves.
-    Voltage(Change),
+    Voltage,
     /// Before the rows are taken.
-    Reading(Change),
+    Reading,
     /// After it.
-    Rows(Change),
+    Rows,
 }
 
 const fn voltage(name: &'static str, causes: &'static [&'static str], change: Change) -> Fault {
-    Fault { name, causes, stage: Stage::Voltage(change), is_of_instrument: false }
+    Fault { name, causes, stage: Stage::Voltage, change, is_of_instrument: false }
 }
 
 const fn reading(name: &'static str, causes: &'static [&'static str], change: Change) -> Fault {
-    Fault { name, causes, stage: Stage::Reading(change), is_of_instrument: false }
+    Fault { name, causes, stage: Stage::Reading, change, is_of_instrument: false }
 }
 
 const fn rows(name: &'static str, causes: &'static [&'static str], change: Change) -> Fault {
-    Fault { name, causes, stage: Stage::Rows(change), is_of_instrument: false }
+    Fault { name, causes, stage: Stage::Rows, change, is_of_instrument: false }
 }
 
 /// Rows that are not even, at the times at which they were taken: no faults.
@@ -60,7 +61,6 @@ pub(super) const UNEVEN: [Fault; 2] = [
     }),
 ];
 
-/// A random sign.
 fn sign(random: &mut Pcg64) -> f64 {
     if random.random_bool(0.5) { 1.0 } else { -1.0 }
 }

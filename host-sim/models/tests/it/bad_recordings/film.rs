@@ -2,8 +2,6 @@
 
 use std::f64::consts::TAU;
 
-use host_io::files::import::Quantity;
-use host_io::files::recording::Recording;
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
@@ -126,12 +124,6 @@ pub(super) fn voltages(random: &mut Pcg64) -> Vec<Vec<f64>> {
 }
 
 impl Run {
-    pub(super) fn recording(&self) -> Recording {
-        let column = |k: usize| self.rows.iter().map(|row| row[k]).collect::<Vec<f64>>();
-        let columns = vec![(Quantity::Voltage, column(1)), (Quantity::Displacement, column(2))];
-        Recording::of_values(&format!("{}.csv", self.number), column(0), columns).expect("valid")
-    }
-
     /// The lowest and the highest reading.
     pub(super) fn range(&self) -> (f64, f64) {
         self.rows.iter().fold((f64::MAX, f64::MIN), |(low, high), row| (low.min(row[2]), high.max(row[2])))

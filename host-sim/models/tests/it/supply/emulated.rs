@@ -22,17 +22,14 @@ pub enum Fault {
     AnotherDevice,
     /// A share of the replies has a byte changed.
     Garbled(f64),
-    /// Replies lose their ends.
     Truncated,
     /// Two replies run into one.
     Merged,
-    /// Every reply comes twice.
     Repeated,
     /// Commands come back before the replies.
     Echo,
     /// The supply restarts: output off, its name is sent.
     Reset,
-    /// No reply any more.
     Silent,
     /// No reply and no command any more.
     Unplugged,
@@ -40,9 +37,7 @@ pub enum Fault {
     Lie(f64),
     /// The supply gives another share of the voltage than it reads back correctly.
     Sags(f64),
-    /// The sensor sends nothing any more.
     SensorLost,
-    /// Commands are refused.
     Refuses,
     /// The supply, or the sensor, sends bytes without a pause and without a line end.
     Flood,
