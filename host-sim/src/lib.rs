@@ -23,8 +23,8 @@ use commands::{Verdict, with_flags};
 
 pub use host_io::{Error, Result, choice, error, files, grid, interrupt, link, progress, quantity, supply, terminal};
 pub use host_models::{
-    agreement, amplifier, commission, compression, cost, excitation, fit, reduce, references, replay, simulation,
-    spectrum, statistics, studies,
+    agreement, amplifier, commission, compression, cost, excitation, fit, reduce, references, replay, sampling,
+    simulation, spectrum, statistics, studies,
 };
 
 /// The program: runs its command line, and reports an error as one line.

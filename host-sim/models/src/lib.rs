@@ -8,7 +8,7 @@
 //! | [`fit`], [`amplifier`] | the parameters of the model from recordings, and of an amplifier from logs |
 //! | [`simulation`] | a simulated nonlinear film, controllers that make it follow a reference, the firmware in the loop |
 //! | [`replay`] | recordings and references through a model: the code that a microcontroller steps, or its exact full-memory reference |
-//! | [`agreement`], [`references`], [`reduce`], [`spectrum`], [`statistics`] | measures of agreement, references to follow, smaller models with the same response, spectra and statistics of series |
+//! | [`agreement`], [`references`], [`reduce`], [`spectrum`], [`statistics`], [`sampling`] | measures of agreement, references to follow, smaller models with the same response, spectra and statistics of series, what a model misses of them |
 //!
 //! Imports point downwards, without a circle, and to [`host_io`] for files, series and errors.
 #![forbid(unsafe_code)]
@@ -25,6 +25,7 @@ pub(crate) mod least_squares;
 pub mod reduce;
 pub mod references;
 pub mod replay;
+pub mod sampling;
 pub mod simulation;
 pub mod spectrum;
 pub mod statistics;

@@ -9,7 +9,7 @@ use springpot::{AmplifierLag, CommandLimits, SelfSensing};
 
 use super::choice::named;
 use super::options::{self, AtTemperature, LimitOptions};
-use super::recordings::RecordingOptions;
+use super::recordings::{RecordingOptions, report_sampling};
 use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
 use crate::files::capacitance::CapacitanceFile;
@@ -19,6 +19,7 @@ use crate::grid::Grid;
 use crate::progress::Progress;
 use crate::quantity::{self, at_most, positive};
 use crate::references;
+use crate::replay::feasibility;
 use crate::replay::memory::Precision;
 use crate::report::figure::Figure;
 use crate::report::figure_file::{Plot, PlotOption};
@@ -251,6 +252,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let bench = arguments.sensor.bench(&limits, tuning.sensor(&parameters), arguments.seed)?;
     let mut settings = tuning.settings(arguments.controller, &parameters, limits)?;
     let asked = arguments.reading.read_reference(&arguments.reference)?;
+    report_sampling(&asked, &asked.displacement_drive()?, arguments.rate);
     let (reference, grid) = references::on_grid(&asked, arguments.rate)?;
     let plot = arguments.check_outputs()?;
     settings.peak_m = reference.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -280,7 +282,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let figure = || Figure::new(format!("Closed loop: {name}"), tracking_figure::panels(&[(name, &run)], grid));
     let drawn = plot.stage(&report, figure)?;
     out.into_iter().chain(drawn).try_for_each(Staged::commit)?;
-    terminal::warnings(json, report.field_note.iter().chain(&report.bandwidth_note));
+    let beyond = feasibility::beyond_board(&parameters, &reference);
+    terminal::warnings(json, report.field_note.iter().chain(&report.bandwidth_note).chain(&beyond));
     terminal::report(json, &report, || text(&report))
 }
 

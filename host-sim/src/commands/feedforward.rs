@@ -93,6 +93,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
         table.into_iter().chain(drawn).try_for_each(Staged::commit)?;
     }
     terminal::warnings(json, &report.field_note);
+    if report.check.is_none() {
+        terminal::warnings(json, feasibility::beyond_board(&parameters, &reference));
+    }
     terminal::report(json, &report, || text(&report))?;
     Ok(if report.check.is_none_or(|check| check.feasible) { Verdict::Yes } else { Verdict::No })
 }
@@ -173,7 +176,8 @@ fn verdict(check: &Feasibility) -> Vec<String> {
             check.beyond_curve_pct
         ));
     }
-    lines.extend(check.expectation.iter().flat_map(Expectation::lines));
+    // What limits do to the error is not expected.
+    lines.extend(check.expectation.iter().filter(|_| check.feasible).flat_map(Expectation::lines));
     lines.extend(match (check.least_offset_m, check.most_offset_m, check.smaller) {
         (Some(least), Some(most), _) => Some(format!(
             "feasible with an offset of {:.3} to {:.3} mm: {} to {}",
@@ -230,6 +234,14 @@ fn limit(binding: &Binding) -> String {
         Limit::Velocity => {
             let milli = |speed: f64| format!("{} mm/s", decimals(1e3 * speed, 1));
             ("speed", milli(needed), format!("{} (--max-velocity)", milli(allowed)))
+        }
+        Limit::Acceleration => {
+            let milli = |change: f64| format!("{} mm/s²", decimals(1e3 * change, 2));
+            ("acceleration", milli(needed), format!("{} (--max-acceleration)", milli(allowed)))
+        }
+        Limit::Displacement => {
+            let milli = |metres: f64| format!("{} mm", decimals(1e3 * metres, 3));
+            ("displacement", milli(needed), format!("{} (max_displacement_m of board.limits)", milli(allowed)))
         }
         Limit::Fall => (
             "fall of the voltage",

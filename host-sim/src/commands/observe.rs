@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::choice::named;
 use super::options::LawOptions;
-use super::recordings::RecordingOptions;
+use super::recordings::{RecordingOptions, report_sampling};
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
@@ -71,6 +71,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let plot = arguments.plot.check(&inputs, &[&arguments.out])?;
     let run = ObservedRecording::from_recording(&recording, arguments.law.rate)?;
     let grid = run.grid;
+    report_sampling(&recording, &recording.drive()?, grid.rate_hz);
     let bar = Progress::over(grid.samples as u64, "observe");
     let estimates = run
         .estimate(&parameters, tuning, arguments.precision, &bar)

@@ -8,10 +8,11 @@ use super::choice::named;
 use super::with_flags;
 use crate::error::{Result, shown};
 use crate::files::import::{Choices, Decimal, Fill, Hints, RepeatedTimes, Understood};
-use crate::files::recording::Recording;
+use crate::files::recording::{Input, Recording};
 use crate::grid::Grid;
 use crate::quantity::{self, positive};
 use crate::references;
+use crate::sampling;
 use crate::terminal;
 
 /// Options for files whose columns do not have the names of a recording.
@@ -103,7 +104,9 @@ impl RecordingOptions {
 
     /// The same, on its grid at `rate_hz`.
     pub(super) fn reference(&self, path: &Path, rate_hz: f64) -> Result<(Vec<f64>, Grid)> {
-        references::on_grid(&self.read_reference(path)?, rate_hz)
+        let recording = self.read_reference(path)?;
+        report_sampling(&recording, &recording.displacement_drive()?, rate_hz);
+        references::on_grid(&recording, rate_hz)
     }
 }
 
@@ -113,6 +116,13 @@ pub(super) fn report_columns(recording: &Recording) {
     if let Some(unused) = recording.unused_temperature() {
         terminal::information(format!("{}: {}", shown(recording.path()), with_flags(&unused)));
     }
+}
+
+/// Warns of what a model that follows the `input` of a `recording` at `rate_hz` misses of it.
+pub(super) fn report_sampling(recording: &Recording, input: &Input, rate_hz: f64) {
+    let file = shown(recording.path());
+    let remarks = sampling::remarks(input.samples(), rate_hz).into_iter();
+    terminal::warnings(false, remarks.map(|remark| format!("{file}: {remark}")));
 }
 
 /// Reports the columns of a `recording`, and what of its rows needs care.

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::choice::named;
 use super::options::{self, RunArguments};
-use super::recordings::RecordingOptions;
+use super::recordings::{RecordingOptions, report_sampling};
 use crate::agreement::Agreement;
 use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
@@ -107,6 +107,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         .iter()
         .map(|recording| Comparison::new(recording, arguments.drive, &parameters, options.rate_hz))
         .collect::<Result<Vec<Comparison<'_>>>>()?;
+    comparisons.iter().for_each(|run| report_sampling(run.recording(), &run.input, options.rate_hz));
     let outputs = match &arguments.out {
         Some(folder) => output_paths(folder, &recordings, &arguments.model.law.params)?.into_iter().map(Some).collect(),
         None => vec![None; comparisons.len()],

@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::RunArguments;
-use super::recordings::RecordingOptions;
+use super::recordings::{RecordingOptions, report_sampling};
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
@@ -54,7 +54,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let plot = arguments.plot.check(&inputs, &[&arguments.out])?;
     let grid = recording.grid(options.rate_hz)?;
     let bar = Progress::over(grid.samples as u64, "simulate");
-    let response = simulate::response(&parameters, &recording.drive()?, grid, &options, &bar)
+    let drive = recording.drive()?;
+    report_sampling(&recording, &drive, options.rate_hz);
+    let response = simulate::response(&parameters, &drive, grid, &options, &bar)
         .map_err(|e| e.about(&arguments.model.law.params, recording.path()))?;
     bar.finish_and_clear();
     let table = response.stage(&arguments.out, grid, &[])?;

@@ -6,12 +6,13 @@ use springpot::TemperatureDependence;
 
 use super::candidate::Variable;
 use super::preparation::{
-    Gaps, MIN_VALUES, Preparation, Severity, Warning, Window, between_steps, gap, measured_quantity, sample_weights,
+    Gaps, MIN_VALUES, Preparation, Severity, Warning, Window, between_steps, measured_quantity, sample_weights,
     saturation, slack, turned,
 };
 use crate::error::{Error, Result};
 use crate::files::recording::{Direction, Input, Recording};
 use crate::grid::Samples;
+use crate::sampling;
 use crate::statistics::{change, differences, mean, median, range, sorted};
 
 /// A recording as a fit uses it.
@@ -107,7 +108,12 @@ pub fn observe_prepared(
     let name = name(recording);
     let (rate_hz, uneven) = rate(&steps, median_step_s, drive);
     let rate_hz = rate_hz * steps_per_row(&load(&input), 1.0 / rate_hz, drive);
-    let gap = if preparation.gaps == Gaps::Interpolate { gap(&steps, median_step_s, drive) } else { skipped };
+    let gap = if preparation.gaps == Gaps::Interpolate {
+        let remark = sampling::gap(&drive.time_s);
+        remark.map(|remark| remark + " (`gap_s` ends there, or skips it)")
+    } else {
+        skipped
+    };
     let (temperature_c, varies) = temperature(recording)?;
     let of = |severity: Severity| move |text: String| (severity, text);
     let warnings = gap

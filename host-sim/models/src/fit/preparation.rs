@@ -8,8 +8,9 @@ use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
 use crate::files::recording::{Direction, Input, Recording};
-use crate::grid::{Grid, Samples};
-use crate::statistics::{change, mean, noise, peak, range};
+use crate::grid::Samples;
+use crate::sampling;
+use crate::statistics::{mean, noise, peak, range};
 
 /// How much a warning matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -209,23 +210,13 @@ fn logarithmic_shares(times: &[f64]) -> Vec<f64> {
     shares
 }
 
-/// Input that the steps of the model do not follow: it is sampled at them, with straight lines between.
+/// Input that the steps of the model do not follow.
 pub(super) fn between_steps(drive: &Samples, rate_hz: f64) -> Option<String> {
     /// Share of the input's change that is not noise.
     const ALLOWED: f64 = 0.05;
-    let grid = Grid::covering(drive.time_s.last().copied()?, rate_hz).ok()?;
-    let followed = grid.at(&grid.resample(drive), &drive.time_s);
-    let size = change(&drive.value);
-    let off = |(value, followed): (&f64, &f64)| (value - followed).abs() / size;
-    let worst = drive.value.iter().zip(&followed).map(off).fold(0.0, f64::max);
-    (worst > ALLOWED).then(|| {
-        format!(
-            "the input moves between the model's steps of {:.4} s, by up to {:.0} % of its range: what happens there is not \
-             fitted",
-            grid.step_s(),
-            100.0 * worst
-        )
-    })
+    let missed = sampling::missed(drive, rate_hz);
+    let worst = missed.iter().copied().fold(0.0, f64::max);
+    (worst > ALLOWED).then(|| sampling::between_steps(rate_hz, worst))
 }
 
 /// The load at `times_s`: the square of a voltage, otherwise the input.
@@ -252,16 +243,6 @@ pub(super) fn turned(input: &Input, measured: &Samples) -> Option<String> {
     let sum = |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|p| of(p.0 - load_mean, p.1 - value_mean)).sum::<f64>();
     let correlation = sum(&|u, y| u * y) / (sum(&|u, _| u * u) * sum(&|_, y| y * y)).sqrt();
     (correlation < -0.3).then(|| format!("the {what} falls where the {of} grows: `invert` turns its sign"))
-}
-
-pub(super) fn gap(steps: &[f64], median_step_s: f64, drive: &Samples) -> Option<String> {
-    // Steps that grow little by little, such as logarithmic ones, are no gap.
-    let is_gap = |k: usize| steps[k] > 5.0 * median_step_s && (k == 0 || steps[k] > 2.0 * steps[k - 1]);
-    let k = (0..steps.len()).find(|&k| is_gap(k))?;
-    let (step, time) = (steps[k], drive.time_s[k]);
-    Some(format!(
-        "a gap of {step:.3} s at {time:.3} s; the input is interpolated across it (`gap_s` ends there, or skips it)"
-    ))
 }
 
 /// Measured values that repeat at the ends of their range; those of the first row only where the input acts.

@@ -15,7 +15,8 @@ pub struct Comparison<'a> {
     direction: Direction,
     /// Grid of the run.
     pub grid: Grid,
-    input: Input,
+    /// Input of the run.
+    pub input: Input,
     /// Readings of the displacement sensor in m, or forces in N where displacement is the input.
     pub measured: Samples,
 }

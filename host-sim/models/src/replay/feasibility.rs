@@ -5,7 +5,7 @@ mod demand;
 use serde::Serialize;
 use springpot::{CommandLimits, Spring};
 
-use self::demand::Demand;
+use self::demand::{Demand, max_displacement_m};
 use crate::error::Result;
 use crate::files::parameters::Parameters;
 use crate::grid::Grid;
@@ -16,7 +16,8 @@ use crate::statistics::range;
 /// Result of the check of a reference, and the offset that makes it feasible.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Feasibility {
-    /// Whether it needs no voltage below 0 or above the largest, no faster change than the limits, and no amplifier faster than the board's.
+    /// Whether it needs no voltage below 0 or above the largest, no faster change than the limits, no more displacement and no faster amplifier than the
+    /// board's.
     pub feasible: bool,
     /// Whether the field was checked: not where the film's sizes are assumed.
     pub field_checked: bool,
@@ -82,6 +83,10 @@ pub enum Limit {
     Slew,
     /// The largest speed of the reference, m/s.
     Velocity,
+    /// The largest acceleration of the reference, m/s².
+    Acceleration,
+    /// The largest displacement of the board, m.
+    Displacement,
     /// The fastest fall of the amplifier's voltage, V/s.
     Fall,
     /// The command that leads by the amplifier's lag, V.
@@ -116,8 +121,7 @@ const RISE_S: f64 = 2.0;
 /// Checks whether the model of `parameters` can follow `reference` (m, on `grid`) within `limits`.
 pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &CommandLimits) -> Result<Feasibility> {
     let field_checked = !parameters.assumed_sizes;
-    let unlimited = CommandLimits { max_field_v_per_m: f64::MAX, ..*limits };
-    let demand = Demand::new(parameters, reference, grid, if field_checked { limits } else { &unlimited })?;
+    let demand = Demand::new(parameters, reference, grid, *limits)?;
     let below: Vec<bool> = demand.force.iter().map(|f| *f < -demand.slack).collect();
     let above: Vec<bool> = (0..reference.len()).map(|k| demand.exceeds(k, 0.0, demand.force[k])).collect();
     let share = |flags: &[bool]| 100.0 * flags.iter().filter(|flag| **flag).count() as f64 / flags.len() as f64;
@@ -141,8 +145,10 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
     let most_offset_m = demand.most_offset(low_m, high_m);
     let least_offset_m = (least.is_finite() && most_offset_m.is_none_or(|most| least <= most)).then_some(least);
     let binding = demand.binding(grid);
-    let is_too_fast = binding.iter().any(|binding| matches!(binding.limit, Limit::Slew | Limit::Velocity));
-    let feasible = first.is_none() && amplifier_follows && !is_too_fast;
+    let is_beyond = |binding: &Binding| {
+        matches!(binding.limit, Limit::Slew | Limit::Velocity | Limit::Acceleration | Limit::Displacement)
+    };
+    let feasible = first.is_none() && amplifier_follows && !binding.iter().any(is_beyond);
     let binding = if feasible { Vec::new() } else { binding };
     let voltage_v = demand.voltages(0.0, &demand.force);
     Ok(Feasibility {
@@ -163,6 +169,15 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
         expectation: Recorded::from_parameters(parameters)
             .map(|recorded| recorded.expectation(parameters, reference, grid, high_m - low_m, voltage_v)),
         smaller: None,
+    })
+}
+
+/// The warning that the board of `parameters` ends a run along `reference` (m) where that is beyond its largest displacement.
+pub fn beyond_board(parameters: &Parameters, reference: &[f64]) -> Option<String> {
+    let (highest, allowed) = (range(reference).1, max_displacement_m(parameters));
+    (highest > allowed).then(|| {
+        let [highest, allowed] = [highest, allowed].map(|m| 1e3 * m);
+        format!("the reference goes to {highest:.3} mm, the board allows {allowed:.3} mm (max_displacement_m of board.limits) and ends the run beyond it")
     })
 }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 use host_io::files::parameters::Parameters;
 use host_io::grid::Grid;
 use host_models::replay::feasibility::{self, Feasibility};
+use springpot::CommandLimits;
 
 /// Time up to which the reference is held, s.
 const HELD_S: f64 = 5.0;
@@ -29,7 +30,9 @@ fn check(board: &str, volts: impl Fn(f64) -> f64) -> Feasibility {
     let grid = Grid::covering(DURATION_S, 1000.0).expect("a grid");
     let path: Vec<f64> = grid.times_s().into_iter().map(|t| 0.5e-3 * (volts(t) / 4000.0).powi(2)).collect();
     let board = parameters.board.clone().expect("a board");
-    feasibility::check(&parameters, &path, grid, &board.command_limits()).expect("a check")
+    // A voltage that is let go of begins to fall at once.
+    let limits = CommandLimits { max_acceleration_m_per_s2: 10.0, ..board.command_limits() };
+    feasibility::check(&parameters, &path, grid, &limits).expect("a check")
 }
 
 const BLEEDER: &str = "[board.amplifier]\nrise_s = 0.1\nfall_s = 0.5\n";

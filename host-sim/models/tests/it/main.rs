@@ -11,6 +11,7 @@ mod copies;
 mod curves;
 #[path = "../../../../crates/springpot/tests/it/support/defining_sum.rs"]
 mod defining_sum;
+mod feasibility;
 mod film;
 mod fitting;
 mod full_memory;

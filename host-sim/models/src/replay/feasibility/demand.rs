@@ -1,13 +1,13 @@
 //! The demand of a reference on film, amplifier and limits, sample by sample.
 
-use springpot::{Actuator, AmplifierLag, AmplifierModel, CommandLimits, Law, Preload};
+use springpot::{Actuator, AmplifierLag, AmplifierModel, CommandLimits, Feedforward, Law, Preload};
 
 use super::{Binding, Limit, RISE_S};
 use crate::error::Result;
 use crate::files::parameters::Parameters;
 use crate::grid::Grid;
 use crate::references::minimum_jerk;
-use crate::statistics::peak;
+use crate::statistics::{peak, range};
 
 /// Largest offset that is tried, m: beyond any film.
 const MAX_OFFSET_M: f64 = 10.0;
@@ -15,16 +15,24 @@ const MAX_OFFSET_M: f64 = 10.0;
 const OFFSET_TRIALS: i32 = 16;
 /// Share of the largest voltage below which the film hardly feels it: 1e-4 of the largest force.
 const NO_FORCE: f64 = 0.01;
+/// Share of a reference's range by which shaping may take it off, and the time over which its acceleration counts, s.
+const SHAPED: f64 = 4e-3;
+const SMOOTH_S: f64 = 5e-3;
 /// Share of a limit that is rounding.
 const ROUNDING: f64 = 1e-9;
 /// The demand of a reference with an offset on the actuator.
 pub(super) struct Demand<'a> {
     /// Without the weight, whose share is taken from the force.
     actuator: Actuator,
-    limits: &'a CommandLimits,
+    /// Without one of the field where the film's sizes are assumed.
+    limits: CommandLimits,
+    /// Largest displacement of the board, m.
+    max_displacement_m: f64,
     /// The amplifier; none that follows at once.
     pub(super) lag: Option<Lag>,
     reference: &'a [f64],
+    /// The reference as the controller shapes it, m.
+    shaped: Vec<f64>,
     /// The rise of an offset, 0 to 1.
     rise: Vec<f64>,
     law: Law<f64>,
@@ -43,18 +51,21 @@ impl<'a> Demand<'a> {
         parameters: &Parameters,
         reference: &'a [f64],
         grid: Grid,
-        limits: &'a CommandLimits,
+        limits: CommandLimits,
     ) -> Result<Self> {
         let law = parameters.film().compressed_law::<f64>(grid.rate_hz)?;
         parameters.actuator.check()?;
         let rise: Vec<f64> = (0..grid.samples).map(|k| minimum_jerk(grid.time_s(k) / RISE_S)).collect();
         let is_linear = parameters.curve.is_none() && parameters.spring.is_none();
         let per_offset = is_linear.then(|| force_along(&law, rise.iter().copied()));
+        let max_field_v_per_m = if parameters.assumed_sizes { f64::MAX } else { limits.max_field_v_per_m };
         let mut demand = Self {
             actuator: Actuator { preload: Preload::Settled, ..parameters.actuator },
-            limits,
+            limits: CommandLimits { max_field_v_per_m, ..limits },
+            max_displacement_m: max_displacement_m(parameters),
             lag: Lag::new(limits.amplifier, grid)?,
             reference,
+            shaped: Vec::new(),
             rise,
             law,
             preload: parameters.actuator.preload_n(),
@@ -62,6 +73,7 @@ impl<'a> Demand<'a> {
             per_offset,
             slack: 0.0,
         };
+        demand.shaped = demand.shaped(parameters, limits)?;
         demand.force = demand.force_along_path(0.0);
         demand.slack = 1e-9 * peak(&demand.force);
         Ok(demand)
@@ -93,6 +105,36 @@ impl<'a> Demand<'a> {
             film.elongation()
         };
         self.reference.iter().map(&mut elongated).collect()
+    }
+
+    /// The reference (m) as a controller with these `limits` shapes it, whose construction refuses what pulls the film in.
+    fn shaped(&self, parameters: &Parameters, limits: CommandLimits) -> Result<Vec<f64>> {
+        let feedforward = Feedforward::new(self.law.clone(), &parameters.actuator, limits)?;
+        let mut state = feedforward.state(self.law.state());
+        let shaped = self.reference.iter().map(|&target| feedforward.command(&mut state, target).reference_m);
+        Ok(shaped.collect())
+    }
+
+    /// Whether shaping by the bounds of speed and acceleration takes the reference off by more than a share of its range, and the acceleration (m/s²) that
+    /// it needs where it is off most.
+    fn acceleration(&self, grid: Grid) -> Option<(usize, f64)> {
+        let off = |k: usize| (self.shaped[k] - self.reference[k]).abs();
+        let worst = (0..self.reference.len()).max_by(|&a, &b| off(a).total_cmp(&off(b)))?;
+        let (low, high) = range(self.reference);
+        if off(worst) <= SHAPED * (high - low) {
+            return None;
+        }
+        // Between rows that are sparser than the steps a reference has corners.
+        let over = |ticks: usize| {
+            let per_square_second = (grid.rate_hz / ticks as f64).powi(2);
+            let bend = |k: usize| self.reference[k - ticks] - 2.0 * self.reference[k] + self.reference[k + ticks];
+            let bends =
+                (ticks..self.reference.len().saturating_sub(ticks)).map(|k| (k, per_square_second * bend(k).abs()));
+            bends.max_by(|a, b| a.1.total_cmp(&b.1))
+        };
+        let smooth = ((SMOOTH_S * grid.rate_hz) as usize).max(1);
+        let allowed = self.limits.max_acceleration_m_per_s2;
+        [smooth, 1].into_iter().filter_map(over).find(|(_, needed)| *needed > allowed)
     }
 
     /// Squared voltage that sample `k` of the reference with `offset` (m) needs for `force` (N), V².
@@ -141,6 +183,13 @@ impl<'a> Demand<'a> {
         let beyond = |needed: f64, allowed: f64| (needed > allowed * (1.0 + ROUNDING)).then_some((needed, allowed));
         binding.push(worst(Limit::Slew, &|k| beyond(slew(k), largest_slew).filter(|_| felt(k))));
         binding.push(worst(Limit::Velocity, &|k| beyond(speed(k), largest_speed)));
+        binding.push(worst(Limit::Displacement, &|k| over(self.displacement(k, 0.0), self.max_displacement_m)));
+        binding.push(self.acceleration(grid).map(|(k, needed)| Binding {
+            limit: Limit::Acceleration,
+            needed,
+            allowed: self.limits.max_acceleration_m_per_s2,
+            at_s: grid.time_s(k),
+        }));
         if let Some(lag) = self.lag {
             let asked = lag.asked(self, 0.0, &self.force);
             binding.push(worst(Limit::Fall, &|k| {
@@ -194,7 +243,8 @@ impl<'a> Demand<'a> {
     pub(super) fn most_offset(&self, low: f64, high: f64) -> Option<f64> {
         let fits = |offset: f64| {
             let force = self.force_with(offset);
-            (0..force.len()).all(|k| !self.exceeds(k, offset, force[k]))
+            (0..force.len())
+                .all(|k| !self.exceeds(k, offset, force[k]) && self.displacement(k, offset) <= self.max_displacement_m)
                 && !self.lag.is_some_and(|lag| lag.asked(self, offset, &force).leads_too_high.contains(&true))
         };
         // The voltage grows with the offset: bisection.
@@ -253,6 +303,11 @@ impl Lag {
                 .collect(),
         }
     }
+}
+
+/// The largest displacement (m) that the board of `parameters` allows; infinite without one.
+pub(super) fn max_displacement_m(parameters: &Parameters) -> f64 {
+    parameters.board.as_ref().map_or(f64::INFINITY, |board| board.limits.max_displacement_m.into())
 }
 
 /// How far an offset may lie from 0 for a reference between `low` and `high` (m).
