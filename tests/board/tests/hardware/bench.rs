@@ -6,7 +6,7 @@ use board_on_host::chip::rcc::Oscillators;
 use board_on_host::wires::Wiring;
 use dea_driver::{AmplifierError, Drive};
 
-use super::kinds::{Discovery, H405, Kind, Nucleo, Ticks, board_of, tick};
+use super::kinds::{H405, Kind, Ticks, board_of, on_every_board, run};
 use super::slaves::{Recorder, adc_wiring, dac_wiring};
 use super::start::{Core, start_h405};
 
@@ -50,39 +50,25 @@ fn without_converters_nothing_is_enabled_and_nothing_is_read() {
     }
 }
 
-#[test]
-fn the_interlock_is_read_at_its_pin() {
-    fn on<K: Kind>() {
-        let (board, _) = board_of::<K>();
-        let mut bench = K::start(&board, Core::Crystal);
-        for (level, closed) in [(None, false), (Some(true), true), (Some(false), false)] {
-            board.chip(|chip| chip.connect(K::INTERLOCK, level));
-            assert_eq!(bench.sample().interlock_closed, closed, "{}: {level:?}", K::NAME);
-        }
+fn the_interlock_is_read_at_its_pin<K: Kind>() {
+    let (board, _) = board_of::<K>();
+    let mut bench = K::start(&board, Core::Crystal);
+    for (level, closed) in [(None, false), (Some(true), true), (Some(false), false)] {
+        board.chip(|chip| chip.connect(K::INTERLOCK, level));
+        assert_eq!(bench.sample().interlock_closed, closed, "{}: {level:?}", K::NAME);
     }
-    on::<H405>();
-    on::<Discovery>();
-    on::<Nucleo>();
 }
 
 /// The pin is read, not what it was set to.
-#[test]
-fn an_enable_output_that_is_held_is_seen() {
-    fn on<K: Kind>() {
-        let (board, _) = board_of::<K>();
-        let mut bench = K::start(&board, Core::Crystal);
-        for drive in [K::OFF, K::OFF, K::ON] {
-            assert_eq!(tick(&board, &mut bench, drive).1, Ok(()), "{}", K::NAME);
-        }
-        bench.sample();
-        assert!(bench.inspection().enable_high, "{}", K::NAME);
-        assert_eq!(bench.apply(K::OFF), Ok(()), "{}", K::NAME);
-        bench.sample();
-        assert!(!bench.inspection().enable_high, "{}", K::NAME);
-    }
-    on::<H405>();
-    on::<Discovery>();
-    on::<Nucleo>();
+fn an_enable_output_that_is_held_is_seen<K: Kind>() {
+    let (board, _) = board_of::<K>();
+    let mut bench = K::start(&board, Core::Crystal);
+    run::<K>(&board, &mut bench, [K::OFF, K::OFF, K::ON]);
+    bench.sample();
+    assert!(bench.inspection().enable_high, "{}", K::NAME);
+    assert_eq!(bench.apply(K::OFF), Ok(()), "{}", K::NAME);
+    bench.sample();
+    assert!(!bench.inspection().enable_high, "{}", K::NAME);
 }
 
 #[test]
@@ -96,3 +82,5 @@ fn a_converter_on_the_pins_of_another_bus_hears_nothing() {
     let frames = Recorder::take(&dac);
     assert!(!frames.is_empty() && frames.iter().all(|clocks| *clocks == 0));
 }
+
+on_every_board!(the_interlock_is_read_at_its_pin, an_enable_output_that_is_held_is_seen);

@@ -91,11 +91,56 @@ pub fn tick<B: Ticks>(board: &Board, bench: &mut B, drive: Drive) -> (Inputs, Re
     (inputs, applied)
 }
 
+/// Ticks with these drives, each of which is applied.
+pub fn run<K: Kind>(board: &Board, bench: &mut K::Bench, drives: impl IntoIterator<Item = Drive>) {
+    for drive in drives {
+        assert_eq!(tick(board, bench, drive).1, Ok(()), "{}", K::NAME);
+    }
+}
+
+/// Whether the enable output is high.
+pub fn is_enabled<K: Kind>(board: &Board) -> bool {
+    board.chip(|chip| chip.level(K::ENABLE))
+}
+
 /// Asserts that a reading is as wanted.
 pub fn assert_near<K: Kind>(found: Option<f32>, wanted: f64) {
     let near = |found: f32| (f64::from(found) - wanted).abs() <= K::STEP_V;
     assert!(found.is_some_and(near), "{}: {found:?} instead of {wanted} V", K::NAME);
 }
+
+/// A test of each name, which calls the function of that name for every board.
+macro_rules! on_every_board {
+    ($($test:ident),*) => {
+        mod on_every_board {
+            use crate::kinds::{Discovery, H405, Nucleo};
+
+            $(#[test]
+            fn $test() {
+                super::$test::<H405>();
+                super::$test::<Discovery>();
+                super::$test::<Nucleo>();
+            })*
+        }
+    };
+}
+pub(crate) use on_every_board;
+
+/// The same for the boards with converters on their chip.
+macro_rules! on_chip_boards {
+    ($($test:ident),*) => {
+        mod on_chip_boards {
+            use crate::kinds::{Discovery, Nucleo};
+
+            $(#[test]
+            fn $test() {
+                super::$test::<Discovery>();
+                super::$test::<Nucleo>();
+            })*
+        }
+    };
+}
+pub(crate) use on_chip_boards;
 
 /// A board with its converters and instruments.
 pub fn board_of<K: Kind>() -> (Board, K) {

@@ -11,49 +11,38 @@ use board_on_host::hal::prelude::*;
 use dea_driver::AmplifierError;
 use dea_driver::wire::Part;
 
-use super::kinds::{Discovery, Kind, Nucleo, OnChip, SET_UP, Ticks, assert_near, board_of, tick};
+use super::kinds::{
+    Discovery, Kind, Nucleo, OnChip, SET_UP, Ticks, assert_near, board_of, is_enabled, on_chip_boards, run, tick,
+};
 use super::start::{CLOCKS, Core, crystal, set_g4};
 
 /// A board that has been on for some ticks.
 fn started<K: OnChip>() -> (Board, K::Bench) {
     let (board, _) = board_of::<K>();
     let mut bench = K::start(&board, Core::Crystal);
-    for _ in 0..SET_UP {
-        assert_eq!(tick(&board, &mut bench, K::OFF).1, Ok(()));
-    }
+    run::<K>(&board, &mut bench, [K::OFF; SET_UP]);
     (board, bench)
 }
 
-fn is_enabled<K: Kind>(board: &Board) -> bool {
-    board.chip(|chip| chip.level(K::ENABLE))
-}
-
 /// 3 V are no reference of their own: readings and command follow the chip's.
-#[test]
-fn volts_are_volts_at_every_supply() {
-    fn on<K: OnChip>() {
-        for core in CLOCKS {
-            for supply_v in [0.94, 0.983, 1.0, 1.033, 1.06].map(|share| share * K::SUPPLY_V) {
-                let (board, wired) = board_of::<K>();
-                board.chip(|chip| chip.around.supply_v = supply_v);
-                wired.set_monitor(&board, 1.234);
-                wired.set_sensor(&board, 2.345);
-                let mut bench = K::start(&board, core);
-                for drive in [K::OFF, K::OFF, K::ON, K::ON] {
-                    assert_eq!(tick(&board, &mut bench, drive).1, Ok(()), "{supply_v} V");
-                }
-                let (inputs, _) = tick(&board, &mut bench, K::ON);
-                assert_near::<K>(inputs.monitor_adc_v, 1.234);
-                assert_near::<K>(inputs.sensor_adc_v, 2.345);
-                let wanted = f64::from(K::ON.dac_v) * K::LOADED;
-                let found = wired.command_v(&board);
-                assert!((found - wanted).abs() < K::STEP_V, "{supply_v} V: {found} V instead of {wanted} V");
-                assert_eq!(board.violations(), []);
-            }
+fn volts_are_volts_at_every_supply<K: OnChip>() {
+    for core in CLOCKS {
+        for supply_v in [0.94, 0.983, 1.0, 1.033, 1.06].map(|share| share * K::SUPPLY_V) {
+            let (board, wired) = board_of::<K>();
+            board.chip(|chip| chip.around.supply_v = supply_v);
+            wired.set_monitor(&board, 1.234);
+            wired.set_sensor(&board, 2.345);
+            let mut bench = K::start(&board, core);
+            run::<K>(&board, &mut bench, [K::OFF, K::OFF, K::ON, K::ON]);
+            let (inputs, _) = tick(&board, &mut bench, K::ON);
+            assert_near::<K>(inputs.monitor_adc_v, 1.234);
+            assert_near::<K>(inputs.sensor_adc_v, 2.345);
+            let wanted = f64::from(K::ON.dac_v) * K::LOADED;
+            let found = wired.command_v(&board);
+            assert!((found - wanted).abs() < K::STEP_V, "{supply_v} V: {found} V instead of {wanted} V");
+            assert_eq!(board.violations(), []);
         }
     }
-    on::<Discovery>();
-    on::<Nucleo>();
 }
 
 /// While it runs as well, within the mean of its measurement.
@@ -62,9 +51,7 @@ fn a_supply_that_drifts_is_followed() {
     let (board, mut bench) = started::<Discovery>();
     board.chip(|chip| chip.around.supply_v *= 3.1 / 3.0);
     Discovery.set_monitor(&board, 1.5);
-    for _ in 0..400 {
-        assert_eq!(tick(&board, &mut bench, Discovery::ON).1, Ok(()));
-    }
+    run::<Discovery>(&board, &mut bench, [Discovery::ON; 400]);
     // A code more of the reference is what the supply may be off.
     let found = tick(&board, &mut bench, Discovery::ON).0.monitor_adc_v.expect("a reading");
     assert!((f64::from(found) - 1.5).abs() < 2.0 * Discovery::STEP_V, "{found} V");
@@ -94,145 +81,105 @@ fn a_reference_that_fails_later_is_noticed_before_the_share_on_the_page() {
 }
 
 /// Readings of the others are without value then, and so is the command.
-#[test]
-fn a_supply_or_a_reference_outside_of_its_range_ends_in_the_tick() {
-    fn on<K: OnChip>() {
-        type Spoil = fn(&Board);
-        let faults: [(&str, Spoil); 11] = [
-            ("supply too low", |board| board.chip(|chip| chip.around.supply_v *= 2.75 / 3.0)),
-            ("supply too high", |board| board.chip(|chip| chip.around.supply_v *= 3.25 / 3.0)),
-            ("reference too low", |board| board.chip(|chip| chip.around.reference_v *= 0.9)),
-            ("reference too high", |board| board.chip(|chip| chip.around.reference_v *= 1.1)),
-            ("factory's code erased", |board| board.chip(|chip| chip.around.factory = 0xffff)),
-            // Within the range, and further from the first than a regulator goes.
-            ("supply that falls", |board| board.chip(|chip| chip.around.supply_v *= 2.86 / 3.0)),
-            ("supply that rises", |board| board.chip(|chip| chip.around.supply_v *= 3.15 / 3.0)),
-            ("reference that falls", |board| board.chip(|chip| chip.around.reference_v *= 0.95)),
-            ("reference that rises", |board| board.chip(|chip| chip.around.reference_v *= 1.05)),
-            // The supply would be in its range.
-            ("factory's code of another chip", |board| board.chip(|chip| chip.around.factory = K::OTHER_FACTORY)),
-            ("ADC1 always the same", |board| board.chip(|chip| chip.adcs[0].always = Some(2048))),
-        ];
-        for (name, spoil) in faults {
-            let (board, mut bench) = started::<K>();
-            for _ in 0..3 {
-                assert_eq!(tick(&board, &mut bench, K::ON).1, Ok(()));
-            }
-            assert!(is_enabled::<K>(&board));
-            spoil(&board);
-            let (inputs, applied) = tick(&board, &mut bench, K::ON);
-            assert_eq!((inputs.monitor_adc_v, inputs.sensor_adc_v), (None, None), "{name}");
-            assert_eq!(applied, Err(AmplifierError::Bus), "{name}");
-            assert!(!is_enabled::<K>(&board), "{name}");
-            assert_eq!(K::default().command_v(&board), 0.0, "{name}");
-            assert!(matches!(bench.inspection().monitor, Part::Wrong { .. }), "{name}: {:?}", bench.inspection());
-            // Nor is it enabled again.
-            assert!(tick(&board, &mut bench, K::ON).1.is_err(), "{name}");
-            assert!(!is_enabled::<K>(&board), "{name}");
-        }
-    }
-    on::<Discovery>();
-    on::<Nucleo>();
-}
-
-#[test]
-fn a_dac_that_does_not_drive_its_pin_disables_the_amplifier_a_tick_later() {
-    fn on<K: OnChip>() {
-        type Spoil = fn(&Board);
-        let faults: [(&str, Spoil); 6] = [
-            ("shorted to ground", |board| board.chip(|chip| chip.around.shorted = Some((K::DAC, 0.0)))),
-            ("shorted to the supply", |board| board.chip(|chip| chip.around.shorted = Some((K::DAC, K::SUPPLY_V)))),
-            ("off by 5 %", |board| board.chip(|chip| chip.around.shorted = Some((K::DAC, 1.5 * 1.05)))),
-            ("ADC2 always the same", |board| board.chip(|chip| chip.adcs[1].always = Some(1000))),
-            ("switched off", |board| board.chip(|chip| chip.write(K::DAC_REGISTERS, 0))),
-            ("with its buffer", |board| {
-                board.chip(|chip| K::BUFFERED.iter().for_each(|&(at, value)| chip.write(K::DAC_REGISTERS + at, value)))
-            }),
-        ];
-        for (name, spoil) in faults {
-            let (board, mut bench) = started::<K>();
-            for _ in 0..3 {
-                assert_eq!(tick(&board, &mut bench, K::ON).1, Ok(()), "{name}");
-            }
-            spoil(&board);
-            assert!(matches!(tick(&board, &mut bench, K::ON).1, Err(AmplifierError::Readback { .. })), "{name}");
-            assert!(!is_enabled::<K>(&board), "{name}");
-        }
-    }
-    on::<Discovery>();
-    on::<Nucleo>();
-}
-
-#[test]
-fn a_dac_that_takes_no_codes_is_noticed_with_the_next_command() {
-    fn on<K: OnChip>() {
+fn a_supply_or_a_reference_outside_of_its_range_ends_in_the_tick<K: OnChip>() {
+    type Spoil = fn(&Board);
+    let faults: [(&str, Spoil); 11] = [
+        ("supply too low", |board| board.chip(|chip| chip.around.supply_v *= 2.75 / 3.0)),
+        ("supply too high", |board| board.chip(|chip| chip.around.supply_v *= 3.25 / 3.0)),
+        ("reference too low", |board| board.chip(|chip| chip.around.reference_v *= 0.9)),
+        ("reference too high", |board| board.chip(|chip| chip.around.reference_v *= 1.1)),
+        ("factory's code erased", |board| board.chip(|chip| chip.around.factory = 0xffff)),
+        // Within the range, and further from the first than a regulator goes.
+        ("supply that falls", |board| board.chip(|chip| chip.around.supply_v *= 2.86 / 3.0)),
+        ("supply that rises", |board| board.chip(|chip| chip.around.supply_v *= 3.15 / 3.0)),
+        ("reference that falls", |board| board.chip(|chip| chip.around.reference_v *= 0.95)),
+        ("reference that rises", |board| board.chip(|chip| chip.around.reference_v *= 1.05)),
+        // The supply would be in its range.
+        ("factory's code of another chip", |board| board.chip(|chip| chip.around.factory = K::OTHER_FACTORY)),
+        ("ADC1 always the same", |board| board.chip(|chip| chip.adcs[0].always = Some(2048))),
+    ];
+    for (name, spoil) in faults {
         let (board, mut bench) = started::<K>();
-        board.chip(|chip| chip.dac.holds = Some(0));
-        assert_eq!(tick(&board, &mut bench, K::ON).1, Ok(()));
-        assert!(matches!(tick(&board, &mut bench, K::ON).1, Err(AmplifierError::Readback { found: 0, .. })));
-        assert!(!is_enabled::<K>(&board));
+        run::<K>(&board, &mut bench, [K::ON; 3]);
+        assert!(is_enabled::<K>(&board));
+        spoil(&board);
+        let (inputs, applied) = tick(&board, &mut bench, K::ON);
+        assert_eq!((inputs.monitor_adc_v, inputs.sensor_adc_v), (None, None), "{name}");
+        assert_eq!(applied, Err(AmplifierError::Bus), "{name}");
+        assert!(!is_enabled::<K>(&board), "{name}");
+        assert_eq!(K::default().command_v(&board), 0.0, "{name}");
+        assert!(matches!(bench.inspection().monitor, Part::Wrong { .. }), "{name}: {:?}", bench.inspection());
+        // Nor is it enabled again.
+        assert!(tick(&board, &mut bench, K::ON).1.is_err(), "{name}");
+        assert!(!is_enabled::<K>(&board), "{name}");
     }
-    on::<Discovery>();
-    on::<Nucleo>();
+}
+
+fn a_dac_that_does_not_drive_its_pin_disables_the_amplifier_a_tick_later<K: OnChip>() {
+    type Spoil = fn(&Board);
+    let faults: [(&str, Spoil); 6] = [
+        ("shorted to ground", |board| board.chip(|chip| chip.around.shorted = Some((K::DAC, 0.0)))),
+        ("shorted to the supply", |board| board.chip(|chip| chip.around.shorted = Some((K::DAC, K::SUPPLY_V)))),
+        ("off by 5 %", |board| board.chip(|chip| chip.around.shorted = Some((K::DAC, 1.5 * 1.05)))),
+        ("ADC2 always the same", |board| board.chip(|chip| chip.adcs[1].always = Some(1000))),
+        ("switched off", |board| board.chip(|chip| chip.write(K::DAC_REGISTERS, 0))),
+        ("with its buffer", |board| {
+            board.chip(|chip| K::BUFFERED.iter().for_each(|&(at, value)| chip.write(K::DAC_REGISTERS + at, value)))
+        }),
+    ];
+    for (name, spoil) in faults {
+        let (board, mut bench) = started::<K>();
+        run::<K>(&board, &mut bench, [K::ON; 3]);
+        spoil(&board);
+        assert!(matches!(tick(&board, &mut bench, K::ON).1, Err(AmplifierError::Readback { .. })), "{name}");
+        assert!(!is_enabled::<K>(&board), "{name}");
+    }
+}
+
+fn a_dac_that_takes_no_codes_is_noticed_with_the_next_command<K: OnChip>() {
+    let (board, mut bench) = started::<K>();
+    board.chip(|chip| chip.dac.holds = Some(0));
+    assert_eq!(tick(&board, &mut bench, K::ON).1, Ok(()));
+    assert!(matches!(tick(&board, &mut bench, K::ON).1, Err(AmplifierError::Readback { found: 0, .. })));
+    assert!(!is_enabled::<K>(&board));
 }
 
 /// Its pin would not show it: a DAC may be off by more.
-#[test]
-fn a_dac_that_holds_a_code_beside_its_own_is_noticed() {
-    fn on<K: OnChip>() {
-        let (board, mut bench) = started::<K>();
-        for _ in 0..3 {
-            assert_eq!(tick(&board, &mut bench, K::ON).1, Ok(()));
-        }
-        // A bit of its register that has flipped.
-        let other = (1.5 / K::SUPPLY_V * 4096.0).round() as u16 + 8;
-        board.chip(|chip| chip.dac.holds = Some(other.into()));
-        assert_eq!(tick(&board, &mut bench, K::ON).1, Ok(()));
-        assert!(
-            matches!(tick(&board, &mut bench, K::ON).1, Err(AmplifierError::Readback { found, .. }) if found == other)
-        );
-        assert!(!is_enabled::<K>(&board));
-    }
-    on::<Discovery>();
-    on::<Nucleo>();
+fn a_dac_that_holds_a_code_beside_its_own_is_noticed<K: OnChip>() {
+    let (board, mut bench) = started::<K>();
+    run::<K>(&board, &mut bench, [K::ON; 3]);
+    // A bit of its register that has flipped.
+    let other = (1.5 / K::SUPPLY_V * 4096.0).round() as u16 + 8;
+    board.chip(|chip| chip.dac.holds = Some(other.into()));
+    assert_eq!(tick(&board, &mut bench, K::ON).1, Ok(()));
+    assert!(matches!(tick(&board, &mut bench, K::ON).1, Err(AmplifierError::Readback { found, .. }) if found == other));
+    assert!(!is_enabled::<K>(&board));
 }
 
 /// None of its readings is that of a conversion before.
-#[test]
-fn an_adc_that_never_ends_a_conversion_has_no_readings() {
-    fn on<K: OnChip>() {
-        for index in 0..2 {
-            let (board, mut bench) = started::<K>();
-            for _ in 0..3 {
-                assert_eq!(tick(&board, &mut bench, K::ON).1, Ok(()));
-            }
-            board.chip(|chip| chip.adcs[index].is_dead = true);
-            let (inputs, applied) = tick(&board, &mut bench, K::ON);
-            assert_eq!((inputs.monitor_adc_v, inputs.sensor_adc_v), (None, None), "ADC{}", index + 1);
-            let found = bench.inspection();
-            assert_eq!((applied, found.monitor, found.sensor), (Err(AmplifierError::Bus), Part::Bus, Part::Bus));
-            assert!(!is_enabled::<K>(&board), "ADC{}", index + 1);
-        }
+fn an_adc_that_never_ends_a_conversion_has_no_readings<K: OnChip>() {
+    for index in 0..2 {
+        let (board, mut bench) = started::<K>();
+        run::<K>(&board, &mut bench, [K::ON; 3]);
+        board.chip(|chip| chip.adcs[index].is_dead = true);
+        let (inputs, applied) = tick(&board, &mut bench, K::ON);
+        assert_eq!((inputs.monitor_adc_v, inputs.sensor_adc_v), (None, None), "ADC{}", index + 1);
+        let found = bench.inspection();
+        assert_eq!((applied, found.monitor, found.sensor), (Err(AmplifierError::Bus), Part::Bus, Part::Bus));
+        assert!(!is_enabled::<K>(&board), "ADC{}", index + 1);
     }
-    on::<Discovery>();
-    on::<Nucleo>();
 }
 
 /// An ADC whose registers have changed is not believed, and set up again.
-#[test]
-fn an_adc_whose_registers_have_changed_is_set_up_again() {
-    fn on<K: OnChip>() {
-        // Resolution, sampling times, and the clock of both.
-        for &(address, value) in K::SPOILED {
-            let (board, mut bench) = started::<K>();
-            K::default().set_monitor(&board, 1.0);
-            board.chip(|chip| chip.write(address, value));
-            assert_eq!(tick(&board, &mut bench, K::OFF).0.monitor_adc_v, None, "{address:#x}");
-            assert_near::<K>(tick(&board, &mut bench, K::OFF).0.monitor_adc_v, 1.0);
-        }
+fn an_adc_whose_registers_have_changed_is_set_up_again<K: OnChip>() {
+    // Resolution, sampling times, and the clock of both.
+    for &(address, value) in K::SPOILED {
+        let (board, mut bench) = started::<K>();
+        K::default().set_monitor(&board, 1.0);
+        board.chip(|chip| chip.write(address, value));
+        assert_eq!(tick(&board, &mut bench, K::OFF).0.monitor_adc_v, None, "{address:#x}");
+        assert_near::<K>(tick(&board, &mut bench, K::OFF).0.monitor_adc_v, 1.0);
     }
-    on::<Discovery>();
-    on::<Nucleo>();
 }
 
 /// The noise of the reference does not hide a sensor that always converts to the same.
@@ -268,24 +215,19 @@ fn the_mean_of_a_tick_has_less_noise_than_a_sample() {
 
 /// The board's `CYCLES_PER_TICK` leaves 7 200 cycles for the controller on the internal oscillator, and so does its fastest tick, of 5 kHz, on the
 /// crystal's clock. A wait takes up to half again as long as it is asked to on this core.
-#[test]
-fn conversions_leave_time_for_the_controller() {
-    fn on<K: OnChip>() {
-        for (core, hz, cycles_per_tick) in
-            [(Core::Internal, 16e6, f64::from(K::CYCLES_PER_TICK)), (Core::Crystal, K::CORE_HZ, K::CORE_HZ / 5000.0)]
-        {
-            let (board, _) = board_of::<K>();
-            let mut bench = K::start(&board, core);
-            assert_eq!(tick(&board, &mut bench, K::OFF).1, Ok(()));
-            let before = board.chip(|chip| chip.now_ns());
-            bench.sample();
-            assert_eq!(bench.apply(K::OFF), Ok(()));
-            let cycles = 1.5 * (board.chip(|chip| chip.now_ns()) - before) as f64 * 1e-9 * hz;
-            assert!(cycles + 7200.0 < cycles_per_tick, "{cycles} cycles at {hz} Hz");
-        }
+fn conversions_leave_time_for_the_controller<K: OnChip>() {
+    for (core, hz, cycles_per_tick) in
+        [(Core::Internal, 16e6, f64::from(K::CYCLES_PER_TICK)), (Core::Crystal, K::CORE_HZ, K::CORE_HZ / 5000.0)]
+    {
+        let (board, _) = board_of::<K>();
+        let mut bench = K::start(&board, core);
+        assert_eq!(tick(&board, &mut bench, K::OFF).1, Ok(()));
+        let before = board.chip(|chip| chip.now_ns());
+        bench.sample();
+        assert_eq!(bench.apply(K::OFF), Ok(()));
+        let cycles = 1.5 * (board.chip(|chip| chip.now_ns()) - before) as f64 * 1e-9 * hz;
+        assert!(cycles + 7200.0 < cycles_per_tick, "{cycles} cycles at {hz} Hz");
     }
-    on::<Discovery>();
-    on::<Nucleo>();
 }
 
 #[test]
@@ -363,3 +305,14 @@ fn the_models_find_what_they_are_there_to_find_on_the_other_chip() {
     write(0x5000_083c, 0b010);
     assert_eq!(board.chip(|chip| chip.peek(0x5000_083c)), 0);
 }
+
+on_chip_boards!(
+    volts_are_volts_at_every_supply,
+    a_supply_or_a_reference_outside_of_its_range_ends_in_the_tick,
+    a_dac_that_does_not_drive_its_pin_disables_the_amplifier_a_tick_later,
+    a_dac_that_takes_no_codes_is_noticed_with_the_next_command,
+    a_dac_that_holds_a_code_beside_its_own_is_noticed,
+    an_adc_that_never_ends_a_conversion_has_no_readings,
+    an_adc_whose_registers_have_changed_is_set_up_again,
+    conversions_leave_time_for_the_controller
+);

@@ -5,7 +5,7 @@ use board_on_host::chip::gpio::{Mode, Pad, Pin, Pull, Speed};
 use board_on_host::chip::pads::Signal;
 use board_on_host::chip::rcc::Oscillators;
 
-use super::kinds::{Discovery, H405, Kind, Nucleo, board_of};
+use super::kinds::{Discovery, H405, Kind, Nucleo, board_of, on_every_board};
 use super::start::{CLOCKS, Core, start_h405};
 
 const fn pin(port: char, number: u8) -> Pin {
@@ -99,104 +99,74 @@ impl Pads for Nucleo {
     const STARTS: &'static [(Pin, bool)] = &[(pin('A', 5), false)];
 }
 
-#[test]
-fn every_pin_is_set_for_what_is_wired_to_it() {
-    fn on<K: Pads>() {
-        let (board, _) = board_of::<K>();
-        let _bench = K::start(&board, Core::Crystal);
-        for &Row { pin, what, mode, signal, pull, speed } in K::PINS {
-            let what = format!("{}: {pin:?}, {what}", K::NAME);
-            let pad = board.chip(|chip| chip.pad(pin));
-            assert_eq!(pad.mode, mode, "{what}");
-            assert_eq!(board.chip(|chip| chip.carried(pin)), signal, "{what}");
-            assert!(pad.speed >= speed, "{what}: {:?}", pad.speed);
-            assert!(!pad.open_drain, "{what}");
-            assert_eq!(pad.pull, pull, "{what}");
-        }
+fn every_pin_is_set_for_what_is_wired_to_it<K: Pads>() {
+    let (board, _) = board_of::<K>();
+    let _bench = K::start(&board, Core::Crystal);
+    for &Row { pin, what, mode, signal, pull, speed } in K::PINS {
+        let what = format!("{}: {pin:?}, {what}", K::NAME);
+        let pad = board.chip(|chip| chip.pad(pin));
+        assert_eq!(pad.mode, mode, "{what}");
+        assert_eq!(board.chip(|chip| chip.carried(pin)), signal, "{what}");
+        assert!(pad.speed >= speed, "{what}: {:?}", pad.speed);
+        assert!(!pad.open_drain, "{what}");
+        assert_eq!(pad.pull, pull, "{what}");
     }
-    on::<H405>();
-    on::<Discovery>();
-    on::<Nucleo>();
 }
 
 /// The tables of `docs/boards.md`, which the drawings are made of, have these pins.
-#[test]
-fn the_page_has_every_pin_of_every_board() {
-    fn on<K: Pads>() {
-        let page = include_str!("../../../../docs/boards.md");
-        let section =
-            page.split("\n## ").find(|section| section.lines().next().is_some_and(|title| title.ends_with(K::NAME)));
-        let rows = section.expect("a section").lines().filter_map(|line| line.strip_prefix("| P")?.split(' ').next());
-        let mut listed: Vec<String> = rows.filter(|pin| pin.len() < 4).map(|pin| format!("P{pin}")).collect();
-        let mut pins: Vec<String> = K::PINS.iter().map(|row| format!("{:?}", row.pin)).collect();
-        listed.sort_unstable();
-        listed.dedup();
-        pins.sort_unstable();
-        assert_eq!(listed, pins, "{}", K::NAME);
-    }
-    on::<H405>();
-    on::<Discovery>();
-    on::<Nucleo>();
+fn the_page_has_every_pin_of_every_board<K: Pads>() {
+    let page = include_str!("../../../../docs/boards.md");
+    let section =
+        page.split("\n## ").find(|section| section.lines().next().is_some_and(|title| title.ends_with(K::NAME)));
+    let rows = section.expect("a section").lines().filter_map(|line| line.strip_prefix("| P")?.split(' ').next());
+    let mut listed: Vec<String> = rows.filter(|pin| pin.len() < 4).map(|pin| format!("P{pin}")).collect();
+    let mut pins: Vec<String> = K::PINS.iter().map(|row| format!("{:?}", row.pin)).collect();
+    listed.sort_unstable();
+    listed.dedup();
+    pins.sort_unstable();
+    assert_eq!(listed, pins, "{}", K::NAME);
 }
 
-#[test]
-fn other_pins_are_left_as_they_are() {
+fn other_pins_are_left_as_they_are<K: Pads>() {
     // Debug probe, USB with its pull-up at PC11, crystals, and what else a board may have.
-    fn on<K: Pads>() {
-        let (board, _) = board_of::<K>();
-        let pins = || ('A'..='I').flat_map(|port| (0..16).map(move |number| pin(port, number)));
-        let pads =
-            |board: &Board| -> Vec<(Pin, Pad)> { board.chip(|chip| pins().map(|pin| (pin, chip.pad(pin))).collect()) };
-        let before = pads(&board);
-        let _bench = K::start(&board, Core::Crystal);
-        for ((pin, before), (_, after)) in before.into_iter().zip(pads(&board)) {
-            if !K::PINS.iter().any(|row| row.pin == pin) {
-                assert_eq!(after, before, "{}: {pin:?}", K::NAME);
-            }
+    let (board, _) = board_of::<K>();
+    let pins = || ('A'..='I').flat_map(|port| (0..16).map(move |number| pin(port, number)));
+    let pads =
+        |board: &Board| -> Vec<(Pin, Pad)> { board.chip(|chip| pins().map(|pin| (pin, chip.pad(pin))).collect()) };
+    let before = pads(&board);
+    let _bench = K::start(&board, Core::Crystal);
+    for ((pin, before), (_, after)) in before.into_iter().zip(pads(&board)) {
+        if !K::PINS.iter().any(|row| row.pin == pin) {
+            assert_eq!(after, before, "{}: {pin:?}", K::NAME);
         }
     }
-    on::<H405>();
-    on::<Discovery>();
-    on::<Nucleo>();
 }
 
-#[test]
-fn the_enable_output_is_the_first_to_be_driven_and_low() {
-    fn on<K: Pads>() {
-        let (board, _) = board_of::<K>();
-        let _bench = K::start(&board, Core::Crystal);
-        let enable = board.chip(|chip| chip.history(K::ENABLE));
-        assert_eq!(enable.iter().map(|change| change.driven).collect::<Vec<_>>(), [Some(false)], "{}", K::NAME);
-        for &Row { pin, what, .. } in K::PINS {
-            let others = board.chip(|chip| chip.history(pin));
-            assert!(others.iter().all(|change| change.at_ns >= enable[0].at_ns), "{}: {pin:?}, {what}", K::NAME);
-        }
+fn the_enable_output_is_the_first_to_be_driven_and_low<K: Pads>() {
+    let (board, _) = board_of::<K>();
+    let _bench = K::start(&board, Core::Crystal);
+    let enable = board.chip(|chip| chip.history(K::ENABLE));
+    assert_eq!(enable.iter().map(|change| change.driven).collect::<Vec<_>>(), [Some(false)], "{}", K::NAME);
+    for &Row { pin, what, .. } in K::PINS {
+        let others = board.chip(|chip| chip.history(pin));
+        assert!(others.iter().all(|change| change.at_ns >= enable[0].at_ns), "{}: {pin:?}, {what}", K::NAME);
     }
-    on::<H405>();
-    on::<Discovery>();
-    on::<Nucleo>();
 }
 
 /// Selects high, and the light dark.
-#[test]
-fn selects_and_the_light_start_high() {
-    fn on<K: Pads>() {
-        let (board, _) = board_of::<K>();
-        let _bench = K::start(&board, Core::Crystal);
-        for &(pin, high) in K::STARTS {
-            let history = board.chip(|chip| chip.history(pin));
-            assert_eq!(
-                history.first().map(|change| change.driven),
-                Some(Some(high)),
-                "{}: {pin:?} has moved before: {history:?}",
-                K::NAME
-            );
-            assert_eq!(board.chip(|chip| chip.level(pin)), high, "{}: {pin:?}", K::NAME);
-        }
+fn selects_and_the_light_start_high<K: Pads>() {
+    let (board, _) = board_of::<K>();
+    let _bench = K::start(&board, Core::Crystal);
+    for &(pin, high) in K::STARTS {
+        let history = board.chip(|chip| chip.history(pin));
+        assert_eq!(
+            history.first().map(|change| change.driven),
+            Some(Some(high)),
+            "{}: {pin:?} has moved before: {history:?}",
+            K::NAME
+        );
+        assert_eq!(board.chip(|chip| chip.level(pin)), high, "{}: {pin:?}", K::NAME);
     }
-    on::<H405>();
-    on::<Discovery>();
-    on::<Nucleo>();
 }
 
 #[test]
@@ -211,3 +181,11 @@ fn the_buses_have_the_clock_and_the_mode_of_their_chips() {
         }
     }
 }
+
+on_every_board!(
+    every_pin_is_set_for_what_is_wired_to_it,
+    the_page_has_every_pin_of_every_board,
+    other_pins_are_left_as_they_are,
+    the_enable_output_is_the_first_to_be_driven_and_low,
+    selects_and_the_light_start_high
+);

@@ -8,7 +8,7 @@ use dea_driver::{
 };
 use springpot::{Actuator, Law, LawOptions, Preset};
 
-use super::kinds::{Discovery, H405, Kind, Nucleo, SET_UP, Ticks, board_of};
+use super::kinds::{Kind, SET_UP, Ticks, board_of, is_enabled, on_every_board};
 use super::start::Core;
 
 /// The parameters of a bench like the paper's at the converters of a board.
@@ -72,7 +72,7 @@ impl<K: Kind> Running<K> {
 
     /// At the film of a perfect amplifier, V.
     fn film_v(&self) -> f64 {
-        let enabled = self.board.chip(|chip| chip.level(K::ENABLE));
+        let enabled = is_enabled::<K>(&self.board);
         if enabled { f64::from(K::GAIN) * self.kind.command_v(&self.board) } else { 0.0 }
     }
 
@@ -100,7 +100,7 @@ impl<K: Kind> Running<K> {
         for ticks in 1..=1000 {
             self.tick();
             if let DriverState::Tripped(cause) = self.device.state() {
-                assert!(!self.board.chip(|chip| chip.level(K::ENABLE)), "{}: {cause:?}, and still enabled", K::NAME);
+                assert!(!is_enabled::<K>(&self.board), "{}: {cause:?}, and still enabled", K::NAME);
                 assert_eq!(self.film_v(), 0.0, "{}: {cause:?}", K::NAME);
                 return (ticks, cause);
             }
@@ -162,65 +162,53 @@ fn rows<K: Kind>() -> [Row<K>; 9] {
     ]
 }
 
-#[test]
-fn every_fault_ends_at_0_v_on_every_board() {
-    fn on<K: Kind>() {
-        for (name, spoil, is_cause, latest) in rows::<K>() {
-            let mut running = Running::<K>::at_3_kv();
-            spoil(&mut running);
-            // Readings that are taken at the end of a tick are there from the next one on.
-            let (ticks, cause) = running.trips();
-            assert!(is_cause(cause), "{}, {name}: {cause:?}", K::NAME);
-            assert!(ticks <= latest, "{}, {name}: only after {ticks} ticks", K::NAME);
-            // It stays so.
-            (0..5).for_each(|_| running.tick());
-            assert_eq!((running.device.state(), running.film_v()), (DriverState::Tripped(cause), 0.0), "{name}");
-        }
-    }
-    on::<H405>();
-    on::<Discovery>();
-    on::<Nucleo>();
-}
-
-#[test]
-fn what_fails_before_arming_is_never_enabled() {
-    fn on<K: Kind>() {
-        for (name, spoil, ..) in rows::<K>() {
-            // The same value for a while is a fault only then, and a monitor at 0 V is right.
-            if matches!(name, "sensor at a voltage within its range" | "monitor breaks") {
-                continue;
-            }
-            let mut running = Running::<K>::new();
-            spoil(&mut running);
-            (0..25).for_each(|_| running.tick());
-            let armed = running.device.arm();
-            for _ in 0..5 {
-                running.tick();
-                assert_eq!(running.film_v(), 0.0, "{}, {name}", K::NAME);
-            }
-            let tripped = matches!(running.device.state(), DriverState::Tripped(_));
-            assert!(armed.is_err() || tripped, "{}, {name}: {:?}", K::NAME, running.device.state());
-        }
-    }
-    on::<H405>();
-    on::<Discovery>();
-    on::<Nucleo>();
-}
-
-#[test]
-fn a_run_breaks_no_rule_of_the_chip_and_ends_at_0_v() {
-    fn on<K: Kind>() {
+fn every_fault_ends_at_0_v_on_every_board<K: Kind>() {
+    for (name, spoil, is_cause, latest) in rows::<K>() {
         let mut running = Running::<K>::at_3_kv();
-        running.device.stop().expect("running");
+        spoil(&mut running);
+        // Readings that are taken at the end of a tick are there from the next one on.
+        let (ticks, cause) = running.trips();
+        assert!(is_cause(cause), "{}, {name}: {cause:?}", K::NAME);
+        assert!(ticks <= latest, "{}, {name}: only after {ticks} ticks", K::NAME);
+        // It stays so.
         (0..5).for_each(|_| running.tick());
-        assert_eq!(running.kind.command_v(&running.board), 0.0, "{}", K::NAME);
-        running.device.disarm().expect("at 0 V");
-        (0..5).for_each(|_| running.tick());
-        assert!(!running.board.chip(|chip| chip.level(K::ENABLE)), "{}", K::NAME);
-        assert_eq!(running.device.state(), DriverState::Disarmed, "{}", K::NAME);
-        running.kind.assert_no_violations(&running.board);
+        assert_eq!((running.device.state(), running.film_v()), (DriverState::Tripped(cause), 0.0), "{name}");
     }
-    on::<H405>();
-    on::<Discovery>();
-    on::<Nucleo>();
 }
+
+fn what_fails_before_arming_is_never_enabled<K: Kind>() {
+    for (name, spoil, ..) in rows::<K>() {
+        // The same value for a while is a fault only then, and a monitor at 0 V is right.
+        if matches!(name, "sensor at a voltage within its range" | "monitor breaks") {
+            continue;
+        }
+        let mut running = Running::<K>::new();
+        spoil(&mut running);
+        (0..25).for_each(|_| running.tick());
+        let armed = running.device.arm();
+        for _ in 0..5 {
+            running.tick();
+            assert_eq!(running.film_v(), 0.0, "{}, {name}", K::NAME);
+        }
+        let tripped = matches!(running.device.state(), DriverState::Tripped(_));
+        assert!(armed.is_err() || tripped, "{}, {name}: {:?}", K::NAME, running.device.state());
+    }
+}
+
+fn a_run_breaks_no_rule_of_the_chip_and_ends_at_0_v<K: Kind>() {
+    let mut running = Running::<K>::at_3_kv();
+    running.device.stop().expect("running");
+    (0..5).for_each(|_| running.tick());
+    assert_eq!(running.kind.command_v(&running.board), 0.0, "{}", K::NAME);
+    running.device.disarm().expect("at 0 V");
+    (0..5).for_each(|_| running.tick());
+    assert!(!is_enabled::<K>(&running.board), "{}", K::NAME);
+    assert_eq!(running.device.state(), DriverState::Disarmed, "{}", K::NAME);
+    running.kind.assert_no_violations(&running.board);
+}
+
+on_every_board!(
+    every_fault_ends_at_0_v_on_every_board,
+    what_fails_before_arming_is_never_enabled,
+    a_run_breaks_no_rule_of_the_chip_and_ends_at_0_v
+);
