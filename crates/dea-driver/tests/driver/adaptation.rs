@@ -34,7 +34,7 @@ fn run(bench: &mut Bench, [from, to]: [u32; 2], lost: bool) -> f64 {
                 inputs.sensor_adc_v = Some(adc_v(u16::MAX));
             }
         });
-        if bench.controller.supervisor().state() != DriverState::Running {
+        if bench.state() != DriverState::Running {
             return f64::NAN;
         }
         if k + 5000 >= 1000 * to {
@@ -45,7 +45,7 @@ fn run(bench: &mut Bench, [from, to]: [u32; 2], lost: bool) -> f64 {
 }
 
 fn state(bench: &Bench) -> DriverState {
-    bench.controller.supervisor().state()
+    bench.state()
 }
 
 /// A film with a tenth less force: by order the law follows it, and goes on so without the sensor, in the next feedforward as well. Without the
@@ -55,14 +55,14 @@ fn what_was_learned_is_used_when_the_sensor_goes() {
     let error_m = |order: Option<AdaptationOrder>| {
         let mut bench = bench(0.9);
         if let Some(order) = order {
-            bench.ask(|controller| controller.order_adaptation(order)).expect("within bounds");
+            bench.order_adaptation(order);
         }
         bench.start(Mode::Tracking);
         run(&mut bench, [0, 60], false);
         let lost_m = run(&mut bench, [60, 120], true);
         bench.ask(Controller::stop).expect("it runs");
         bench.run(30_000);
-        bench.ask(|controller| controller.start(Mode::Feedforward)).expect("armed");
+        bench.start_armed(Mode::Feedforward);
         let feedforward_m = run(&mut bench, [0, 20], true);
         println!("{order:?}: {lost_m}, {feedforward_m}; {:?}", bench.controller.adaptation());
         (lost_m, feedforward_m, bench)
@@ -83,7 +83,7 @@ fn what_was_learned_is_used_when_the_sensor_goes() {
 fn it_is_held_forgotten_and_switched_off() {
     let learned = || {
         let mut bench = bench(0.9);
-        bench.ask(|controller| controller.order_adaptation(LEARN)).expect("within bounds");
+        bench.order_adaptation(LEARN);
         bench.start(Mode::Tracking);
         run(&mut bench, [0, 30], false);
         bench
@@ -91,21 +91,21 @@ fn it_is_held_forgotten_and_switched_off() {
     let ageing = |bench: &Bench| bench.controller.adaptation().adapted.ageing;
 
     let mut held = learned();
-    held.ask(|controller| controller.order_adaptation(AdaptationOrder::Hold)).expect("within bounds");
+    held.order_adaptation(AdaptationOrder::Hold);
     let before = ageing(&held);
     held.force_scale = 1.1;
     run(&mut held, [30, 60], false);
     assert!(before > 0.8 && (ageing(&held) - before).abs() < 0.02, "{before}: {:?}", held.controller.adaptation());
-    held.ask(|controller| controller.order_adaptation(AdaptationOrder::Forget)).expect("within bounds");
+    held.order_adaptation(AdaptationOrder::Forget);
     run(&mut held, [60, 61], false);
     assert_eq!((ageing(&held), held.controller.adaptation().adapting), (0.0, Adapting::Hold));
-    held.ask(|controller| controller.order_adaptation(AdaptationOrder::Off)).expect("within bounds");
+    held.order_adaptation(AdaptationOrder::Off);
     run(&mut held, [61, 90], false);
     assert_eq!((ageing(&held), held.controller.adaptation().adapting), (0.0, Adapting::Off));
 
     let mut forgotten = learned();
     forgotten.force_scale = 1.0;
-    forgotten.ask(|controller| controller.order_adaptation(AdaptationOrder::Forget)).expect("within bounds");
+    forgotten.order_adaptation(AdaptationOrder::Forget);
     run(&mut forgotten, [30, 60], false);
     assert!(ageing(&forgotten) < 0.1, "{:?}", forgotten.controller.adaptation());
     assert_eq!(forgotten.controller.adaptation().adapting, Adapting::Learn);
@@ -122,7 +122,7 @@ fn it_is_held_forgotten_and_switched_off() {
 fn a_film_that_has_aged_too_far_trips() {
     for (force_scale, trip_at, trips) in [(0.9, 0.8, true), (0.9, 1.5, false), (1.3, 2.0, true), (1.0, 0.8, false)] {
         let mut bench = bench(force_scale);
-        bench.ask(|controller| controller.order_adaptation(AdaptationOrder::Learn { trip_at })).expect("within bounds");
+        bench.order_adaptation(AdaptationOrder::Learn { trip_at });
         bench.start(Mode::Tracking);
         run(&mut bench, [0, 60], false);
         let wanted = if trips { DriverState::Tripped(Cause::Ageing) } else { DriverState::Running };
@@ -143,7 +143,7 @@ fn a_temperature_that_is_ordered_is_used() {
     let followed = |ordered: bool| {
         let mut bench = bench(0.9);
         if ordered {
-            bench.ask(|controller| controller.order_adaptation(order)).expect("within bounds");
+            bench.order_adaptation(order);
             bench.ask(|controller| controller.trip(Cause::Interlock));
             bench.run(1000);
             bench.ask(Controller::acknowledge).expect("tripped");
@@ -157,7 +157,7 @@ fn a_temperature_that_is_ordered_is_used() {
     assert!((stiffness * 0.9 - 1.0).abs() < 1e-3 && time == 1.0);
     assert_eq!((adapting, adapted.ageing), (Adapting::Hold, 0.0));
     // It is not learned: there is nothing to keep.
-    bench.ask(|controller| controller.order_adaptation(AdaptationOrder::Keep)).expect("within bounds");
+    bench.order_adaptation(AdaptationOrder::Keep);
     assert_eq!(bench.controller.parameters().adapted, None);
     for (stiffness, time) in [(0.2, 1.0), (1.0, 3.5), (f32::NAN, 1.0)] {
         let order = AdaptationOrder::Temperature { stiffness, time };
@@ -170,7 +170,7 @@ fn a_temperature_that_is_ordered_is_used() {
     let limits = Limits { max_displacement_m: 1e-3, on_sensor_fault: OnSensorFault::OpenLoop, ..parameters.limits };
     let mut wrong = Bench::with(Parameters { limits, ..parameters });
     let order = AdaptationOrder::Temperature { stiffness: 3.0, time: 1.0 };
-    wrong.ask(|controller| controller.order_adaptation(order)).expect("within bounds");
+    wrong.order_adaptation(order);
     wrong.start(Mode::Feedforward);
     let mut furthest_m = 0.0f64;
     for k in 0..20_000 {
@@ -189,10 +189,10 @@ fn a_temperature_that_is_ordered_is_used() {
 #[test]
 fn what_was_kept_is_used_after_a_restart() {
     let mut learned = bench(0.9);
-    learned.ask(|controller| controller.order_adaptation(LEARN)).expect("within bounds");
+    learned.order_adaptation(LEARN);
     learned.start(Mode::Tracking);
     run(&mut learned, [0, 60], false);
-    learned.ask(|controller| controller.order_adaptation(AdaptationOrder::Keep)).expect("within bounds");
+    learned.order_adaptation(AdaptationOrder::Keep);
     let kept = encoded(learned.controller.parameters(), BOARD);
     let read = Blob::decode(&kept, BOARD).expect("its own").into_parameters();
     assert_eq!(&read, learned.controller.parameters());

@@ -19,7 +19,7 @@ fn follows_the_voltage_that_was_set_and_observes() {
         }
         outputs = bench.tick(|_| ());
     }
-    assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
+    assert_eq!(bench.state(), DriverState::Running);
     assert_eq!(bench.code(&outputs), DacCode(26_214), "4 V of 10 V");
     // The estimate is where the film is, to the sensor's noise of 0…5 µm.
     let predicted = f64::from(outputs.telemetry.predicted_m);
@@ -50,7 +50,7 @@ fn a_trip_clears_the_target_before_the_next_tick() {
     bench.controller.trip(Cause::Bus);
     bench.ask(Controller::acknowledge).expect("tripped");
     bench.ask(Controller::arm).expect("the last readings were healthy");
-    bench.ask(|controller| controller.start(Mode::Voltage)).expect("armed");
+    bench.start_armed(Mode::Voltage);
     for tick in 0..100 {
         let outputs = bench.tick(|_| ());
         assert_eq!((outputs.enable, outputs.telemetry.command_v), (true, 0.0), "tick {tick}");
@@ -95,7 +95,7 @@ fn tracking_follows_a_film_that_the_model_does_not_know() {
                 largest = largest.max((bench.displacement_m - reference).abs());
             }
         }
-        assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
+        assert_eq!(bench.state(), DriverState::Running);
         (largest, bench.tick(|_| ()).telemetry)
     };
     let (feedforward, _) = off(Mode::Feedforward);
@@ -139,7 +139,7 @@ fn tracking_goes_on_without_its_sensor() {
                 inputs.sensor_adc_v = Some(adc_v(u16::MAX));
             }
         });
-        assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {tick}");
+        assert_eq!(bench.state(), DriverState::Running, "tick {tick}");
         if tick > 5000 {
             assert!((bench.displacement_m - 0.8e-3).abs() < 15e-6, "tick {tick}: {} m", bench.displacement_m);
             let step = before.map_or(0.0, |before: f32| (outputs.telemetry.command_v - before).abs());
@@ -159,7 +159,7 @@ fn voltages_may_be_played_without_a_film() {
         for tick in 0..1000u16 {
             bench.controller.heartbeat();
             bench.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(6400 + tick % 3)));
-            assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "step {step}, tick {tick}");
+            assert_eq!(bench.state(), DriverState::Running, "step {step}, tick {tick}");
         }
     }
 }
@@ -187,7 +187,7 @@ fn the_field_limit_knows_the_longer_of_sensor_and_model() {
         for run in 0..2 {
             tick(&mut bench, true);
             bench.ask(Controller::arm).expect("healthy");
-            bench.ask(|controller| controller.start(Mode::Voltage)).expect("armed");
+            bench.start_armed(Mode::Voltage);
             bench.set_voltage(6500.0);
             let reached_m = (0..10_000).fold(0.0, |_, _| {
                 bench.controller.heartbeat();
@@ -241,14 +241,14 @@ fn feedforward_needs_no_sensor() {
     let mut bench = Bench::with(parameters);
     bench.tick(|inputs| inputs.sensor_adc_v = None);
     bench.ask(Controller::arm).expect("no sensor is needed");
-    bench.ask(|controller| controller.start(Mode::Feedforward)).expect("armed");
+    bench.start_armed(Mode::Feedforward);
     bench.set_reference(0.8e-3);
     for tick in 0..5000 {
         bench.controller.heartbeat();
         bench.tick(|inputs| inputs.sensor_adc_v = None);
         assert!(tick < 1000 || (bench.displacement_m - 0.8e-3).abs() < 2e-6, "tick {tick}: {} m", bench.displacement_m);
     }
-    assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
+    assert_eq!(bench.state(), DriverState::Running);
 }
 
 /// Values that come a hundred times a second are joined by straight lines, not by stairs.
@@ -280,7 +280,7 @@ fn following_begins_without_a_jump() {
     bench.ask(Controller::stop).expect("running");
     bench.run(200);
     let (from, increment) = (bench.displacement_m, 0.05 / 1000.0);
-    bench.ask(|controller| controller.start(Mode::Feedforward)).expect("armed");
+    bench.start_armed(Mode::Feedforward);
     bench.set_reference(2e-3);
     let first = bench.tick(|_| ()).telemetry;
     assert!((f64::from(first.reference_m) - from).abs() <= 1.01 * increment, "{} m after {from} m", first.reference_m);
@@ -305,7 +305,7 @@ fn faults_end_at_0_v_within_the_tick() {
         assert!(bench.high_voltage_v > 4900.0);
         let outputs = bench.tick(spoil);
         assert_eq!((outputs.enable, outputs.dac_v, outputs.telemetry.command_v), (false, 0.0, 0.0), "{cause:?}");
-        assert_eq!(bench.controller.supervisor().state(), DriverState::Tripped(cause));
+        assert_eq!(bench.state(), DriverState::Tripped(cause));
         assert_eq!(bench.ask(Controller::arm), Err(Refusal::State(DriverState::Tripped(cause))));
     }
 }
@@ -320,7 +320,7 @@ fn a_voltage_after_a_tracking_run_is_the_one_that_was_set() {
     bench.run(300);
     bench.ask(Controller::stop).expect("running");
     bench.tick(|_| ());
-    bench.ask(|controller| controller.start(Mode::Voltage)).expect("armed");
+    bench.start_armed(Mode::Voltage);
     bench.set_voltage(2000.0);
     let command_v = (0..300).fold(0.0, |_, _| bench.tick(|_| ()).telemetry.command_v);
     assert_eq!(command_v, 2000.0);

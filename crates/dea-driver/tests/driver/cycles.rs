@@ -38,7 +38,7 @@ fn run(bench: &mut Bench, seconds: u32, is_lost: impl Fn(u32) -> bool) -> Vec<[f
                 inputs.sensor_adc_v = Some(adc_v(u16::MAX));
             }
         });
-        assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {k}");
+        assert_eq!(bench.state(), DriverState::Running, "tick {k}");
         let shaped = f64::from(outputs.telemetry.reference_m);
         assert!(
             k < 1000 || (shaped - reference).abs() < 1e-6,
@@ -59,7 +59,7 @@ fn restart(bench: &mut Bench, mode: Mode) {
     bench.ask(Controller::stop).expect("it runs");
     // The film comes back to rest.
     bench.run(20_000);
-    bench.ask(|controller| controller.start(mode)).expect("armed");
+    bench.start_armed(mode);
 }
 
 /// A tenth of 0.6 mm is off at first; after ten cycles what the sensor's noise of 5 µm leaves.
@@ -161,7 +161,7 @@ fn a_sensor_that_fails_does_not_lead_a_learned_feedforward_away() {
             let code = ((1.0 + shown_m / 1e-3) / 10.24 * 65_536.0).round().clamp(0.0, 65_535.0);
             bench.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(code as u16)));
             furthest_m = furthest_m.max(bench.displacement_m);
-            let state = bench.controller.supervisor().state();
+            let state = bench.state();
             if state != DriverState::Running {
                 return (furthest_m, state);
             }
@@ -213,7 +213,7 @@ fn what_is_learned_hides_no_unexplained_force() {
             if unexplained.abs() + learned.abs() > 1.001 {
                 opposed += u32::from(unexplained * learned < 0.0 && (unexplained + learned).abs() < 0.999);
                 bench.tick(|_| ());
-                assert_eq!(bench.controller.supervisor().state(), DriverState::Tripped(Cause::Disturbance), "{k}");
+                assert_eq!(bench.state(), DriverState::Tripped(Cause::Disturbance), "{k}");
                 println!("{force_scale}: unexplained {unexplained:.2}, learned {learned:.2} after {k} ticks");
                 break;
             }

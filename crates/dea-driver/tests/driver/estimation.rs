@@ -72,7 +72,7 @@ fn feedforward_forgets_what_tracking_learned() {
     });
     assert!(learned.abs() > 1e-3, "{learned} N");
     bench.ask(Controller::stop).expect("running");
-    bench.ask(|controller| controller.start(Mode::Feedforward)).expect("armed");
+    bench.start_armed(Mode::Feedforward);
     let telemetry = bench.tick(|_| ()).telemetry;
     assert_eq!((telemetry.disturbance_n, telemetry.force_scale), (0.0, 1.0));
 }

@@ -1,7 +1,7 @@
 //! A controller around a simulated film.
 
 use dea_driver::chips::{AdcCode, AdcRange, DacCode};
-use dea_driver::{Blob, Controller, Inputs, Mode, Outputs, Parameters};
+use dea_driver::{AdaptationOrder, Blob, Controller, DriverState, Inputs, Mode, Outputs, Parameters};
 use springpot::{Actuator, Law, LawOptions, Preset, VoltageDrive};
 
 use crate::bench::board_parameters;
@@ -111,6 +111,14 @@ impl FilmBench {
         request(&mut self.controller)
     }
 
+    pub fn state(&self) -> DriverState {
+        self.controller.supervisor().state()
+    }
+
+    pub fn order_adaptation(&mut self, order: AdaptationOrder) {
+        self.ask(|controller| controller.order_adaptation(order)).expect("within bounds");
+    }
+
     pub fn set_voltage(&mut self, volts: f32) {
         self.ask(|controller| controller.set_voltage(volts)).expect("within the limits");
     }
@@ -122,6 +130,10 @@ impl FilmBench {
     pub fn start(&mut self, mode: Mode) {
         self.tick(|_| ());
         self.ask(Controller::arm).expect("healthy");
+        self.start_armed(mode);
+    }
+
+    pub fn start_armed(&mut self, mode: Mode) {
         self.ask(|controller| controller.start(mode)).expect("armed");
     }
 }

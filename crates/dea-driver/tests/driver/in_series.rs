@@ -25,7 +25,7 @@ fn furthest_off_m(law: &Law<f32>, mode: Mode, force_scale: f64) -> f64 {
             furthest_m = furthest_m.max((bench.displacement_m - reference_m).abs());
         }
     }
-    assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
+    assert_eq!(bench.state(), DriverState::Running);
     furthest_m
 }
 
@@ -56,12 +56,12 @@ fn a_film_with_a_spring_in_series_keeps_its_stroke() {
     let mut bench = Bench::around(law_in_series(), parameters);
     bench.start(Mode::Voltage);
     let (mut volts, mut furthest_m) = (0.0, 0.0f64);
-    while bench.controller.supervisor().state() == DriverState::Running {
+    while bench.state() == DriverState::Running {
         volts += 0.5;
         bench.ask(|controller| controller.set_voltage(volts)).expect("within the limits");
         bench.tick(|_| ());
         furthest_m = furthest_m.max(bench.displacement_m);
     }
-    println!("{:?} at {volts} V, {furthest_m} m", bench.controller.supervisor().state());
+    println!("{:?} at {volts} V, {furthest_m} m", bench.state());
     assert!((0.9e-3..=1e-3).contains(&furthest_m), "{furthest_m} m at {volts} V");
 }

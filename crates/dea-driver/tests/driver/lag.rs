@@ -30,7 +30,7 @@ fn follow(bench: &mut Bench, mode: Mode) -> (f64, DriverState) {
             largest = largest.max((bench.displacement_m - reference).abs());
         }
     }
-    (largest, bench.controller.supervisor().state())
+    (largest, bench.state())
 }
 
 /// 0.1 s up, 0.5 s down: what is left is the sensor's noise of 0 to 5 µm where both are known. Where nothing is, the monitor does not follow
@@ -77,7 +77,7 @@ fn a_monitor_that_reads_too_little_does_not_hide_the_stroke() {
             });
             furthest_m = furthest_m.max(bench.displacement_m);
         }
-        let state = bench.controller.supervisor().state();
+        let state = bench.state();
         println!("{gain}: {state:?}, {furthest_m} m");
         assert!(
             matches!(state, DriverState::Tripped(Cause::ModelDisplacement | Cause::Displacement)),
@@ -121,10 +121,10 @@ fn a_film_may_take_the_time_of_its_bleeder() {
             bench.set_voltage(6000.0);
             bench.tick(|_| ());
         }
-        assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
+        assert_eq!(bench.state(), DriverState::Running);
         bench.ask(dea_driver::Controller::disarm).expect("it runs");
         bench.run(6000);
-        assert_eq!(bench.controller.supervisor().state(), state, "{bleeder_s} s");
+        assert_eq!(bench.state(), state, "{bleeder_s} s");
     }
 }
 

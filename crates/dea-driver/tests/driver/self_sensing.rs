@@ -46,7 +46,7 @@ impl Bench {
     fn start(&mut self, mode: Mode) {
         self.tick(|_| ());
         self.film.ask(Controller::arm).expect("healthy");
-        self.film.ask(|controller| controller.start(mode)).expect("armed");
+        self.film.start_armed(mode);
     }
 
     fn tick(&mut self, spoil: impl FnOnce(&mut Inputs)) -> Outputs {
@@ -337,7 +337,7 @@ fn a_current_monitor_that_lies_slowly_does_not_raise_the_stroke() {
                 let mut bench = Bench::with(parameters, true);
                 bench.film.force_scale = force_scale;
                 if let Some(order) = order {
-                    bench.film.ask(|controller| controller.order_adaptation(order)).expect("within bounds");
+                    bench.film.order_adaptation(order);
                 }
                 bench.start(Mode::Tracking);
                 let mut furthest_m = 0.0f64;

@@ -81,7 +81,7 @@ fn run_along(mut bench: FilmBench, mode: Mode, wanted_m: impl Fn(u32) -> f64, fa
         let code = ((1.0 + shown_m / 1e-3) / 10.24 * 65_536.0 + lsb).round().clamp(0.0, 65_535.0);
         bench.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(code as u16)));
         furthest_m = furthest_m.max(bench.displacement_m);
-        let state = bench.controller.supervisor().state();
+        let state = bench.state();
         if state != DriverState::Running {
             assert!(tick >= FAULT, "it trips while it is healthy, in tick {tick}: {state:?}");
             return End { state, ticks: tick - FAULT, furthest_m };
@@ -180,7 +180,7 @@ fn a_sensor_that_lies_slowly_does_not_raise_the_stroke() {
                 parameters.limits.max_disturbance_share = 0.4;
                 let mut bench = FilmBench { force_scale, ..FilmBench::with(parameters) };
                 if let Some(order) = adaptation {
-                    bench.ask(|controller| controller.order_adaptation(order)).expect("within bounds");
+                    bench.order_adaptation(order);
                 }
                 let end = run_on(bench, &lie, 600_000);
                 println!("{adaptation:?}, {name}, {force_scale}: {end:?}");
@@ -242,7 +242,7 @@ fn a_healthy_sensor_is_not_suspected() {
         // A converter whose noise is less than its step: what it shows is the film alone.
         let code = ((1.0 + bench.displacement_m / 1e-3) / 10.24 * 65_536.0) as u16;
         bench.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(code ^ (tick & 1) as u16)));
-        assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {tick}");
+        assert_eq!(bench.state(), DriverState::Running, "tick {tick}");
     }
 }
 
@@ -258,14 +258,14 @@ fn a_sensor_is_not_stuck_before_there_is_a_reference() {
     for tick in 0..1000 {
         bench.controller.heartbeat();
         bench.tick(|inputs| inputs.sensor_adc_v = still(tick));
-        assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {tick}");
+        assert_eq!(bench.state(), DriverState::Running, "tick {tick}");
     }
     bench.ask(Controller::stop).expect("running");
-    bench.ask(|controller| controller.start(Mode::Feedforward)).expect("armed");
+    bench.start_armed(Mode::Feedforward);
     for tick in 0..2000 {
         bench.controller.heartbeat();
         bench.tick(|inputs| inputs.sensor_adc_v = still(tick));
-        assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {tick}");
+        assert_eq!(bench.state(), DriverState::Running, "tick {tick}");
     }
 }
 
@@ -280,7 +280,7 @@ fn a_sensor_need_not_move_again_after_a_trip() {
             bench.tick(|inputs| {
                 inputs.sensor_adc_v = inputs.sensor_adc_v.filter(|_| is_on).or(Some(adc_v(6400 + tick % 3)))
             });
-            assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "{is_on}, tick {tick}");
+            assert_eq!(bench.state(), DriverState::Running, "{is_on}, tick {tick}");
         }
         bench.tick(|inputs| inputs.interlock_closed = false);
         bench.ask(Controller::acknowledge).expect("tripped");
@@ -296,7 +296,7 @@ fn a_silent_monitor_trips_while_armed() {
     bench.tick(|_| ());
     bench.ask(Controller::arm).expect("healthy");
     bench.tick(|inputs| inputs.monitor_adc_v = None);
-    assert_eq!(bench.controller.supervisor().state(), DriverState::Tripped(Cause::Bus));
+    assert_eq!(bench.state(), DriverState::Tripped(Cause::Bus));
 }
 
 /// A sensor that is not believed any more, since a sample was lost while the estimate was far away, still shows the end of the stroke. A film
@@ -315,6 +315,6 @@ fn a_reading_beyond_the_stroke_trips_whether_it_is_believed_or_not() {
         bench.tick(|inputs| inputs.sensor_adc_v = inputs.sensor_adc_v.filter(|_| tick != 25_000));
         furthest_m = furthest_m.max(bench.displacement_m);
     }
-    assert_eq!(bench.controller.supervisor().state(), DriverState::Tripped(Cause::Displacement));
+    assert_eq!(bench.state(), DriverState::Tripped(Cause::Displacement));
     assert!(furthest_m < 2.51e-3, "{furthest_m} m");
 }

@@ -29,11 +29,11 @@ fn reach(state: DriverState, mode: Mode) -> FilmBench {
         bench.ask(Controller::arm).expect("healthy");
     }
     match state {
-        DriverState::Running => bench.ask(|controller| controller.start(mode)).expect("armed"),
+        DriverState::Running => bench.start_armed(mode),
         DriverState::Tripped(cause) => bench.controller.trip(cause),
         _ => {}
     }
-    assert_eq!(bench.controller.supervisor().state(), state);
+    assert_eq!(bench.state(), state);
     bench
 }
 
@@ -48,7 +48,7 @@ fn to_a_run(bench: &mut FilmBench, mode: Mode) {
         });
         bench.tick(|_| ());
     }
-    assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
+    assert_eq!(bench.state(), DriverState::Running);
 }
 
 /// Every set-point in every state, in a run of voltages or of references, then every change of state, with and without ticks between: the
@@ -99,12 +99,12 @@ fn a_run_begins_at_0_v_without_a_tick_before_it() {
         bench.run(100);
         assert_eq!(bench.controller.supervisor().command_v(), 2000.0);
         bench.ask(Controller::stop).expect("running");
-        bench.ask(|controller| controller.start(mode)).expect("armed");
+        bench.start_armed(mode);
         assert_eq!(bench.controller.supervisor().command_v(), 0.0, "{mode:?}");
         for _ in 0..100 {
             assert_eq!(bench.tick(|_| ()).telemetry.command_v, 0.0, "{mode:?}");
         }
-        assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "{mode:?}");
+        assert_eq!(bench.state(), DriverState::Running, "{mode:?}");
     }
 }
 

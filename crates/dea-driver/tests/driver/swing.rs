@@ -22,7 +22,7 @@ fn swings(bench: &mut FilmBench, duration_s: u32, reference: impl Fn(f64) -> f64
             (ends, at_top) = (ends + 1, !at_top);
         }
     }
-    (ends, bench.controller.supervisor().state())
+    (ends, bench.state())
 }
 
 /// A bench whose limits let as much pass as limits may.
