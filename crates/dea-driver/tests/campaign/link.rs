@@ -11,13 +11,13 @@
 use std::collections::{BTreeMap, HashSet, VecDeque};
 
 use dea_driver::server::Session;
-use dea_driver::wire::{Answer, Command, FRAME_LEN, Message, Receiver, Request, encode};
+use dea_driver::wire::{Answer, Command, FRAME_LEN, Message, Receiver, Request};
 use dea_driver::{Cause, DriverState, Inputs, RamFlash, Telemetry};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use crate::bench::{board_parameters, encoded};
-use crate::board::{BOARD, Bench, ask};
+use crate::board::{BOARD, Bench, ask, frame};
 use crate::line::{Line, Stall, Way};
 use crate::player::Player;
 use crate::scale::cases;
@@ -112,14 +112,14 @@ impl Firmware {
             && let Some(byte) = self.received.pop_front()
         {
             if let Some(message) = self.serve_byte(byte, now, sent) {
-                send(&message, line);
+                line.send(&frame(&message));
             }
         }
         while line.room(SENDING) > FRAME_LEN
             && let Some(record) = self.bench.device.telemetry()
         {
             self.records.push(record);
-            send(&Message::Telemetry(record), line);
+            line.send(&frame(&Message::Telemetry(record)));
         }
     }
 
@@ -155,12 +155,6 @@ impl Firmware {
         }
         message
     }
-}
-
-fn send(message: &Message, line: &mut Line) {
-    let mut frame = [0; FRAME_LEN + 1];
-    let length = encode(message, &mut frame).expect("fits");
-    line.send(&frame[..length]);
 }
 
 fn decoded(frame: &[u8]) -> Request {

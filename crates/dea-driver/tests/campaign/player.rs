@@ -2,8 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use dea_driver::wire::{Answer, Command, FRAME_LEN, Message, Mode, Receiver, Request, encode};
+use dea_driver::wire::{Answer, Command, Message, Mode, Receiver, Request};
 use dea_driver::{DriverState, Telemetry};
+
+use crate::board::frame;
 
 /// A repeatable request is sent again after this time without an answer, and twice as long the next time; any other is given up, ms.
 const CALL_MS: u32 = 100;
@@ -55,10 +57,7 @@ impl Player {
     pub fn send(&mut self, now: u32, mut line: impl FnMut(&[u8])) {
         let mut emit = |host: &mut Self, command: Command| {
             host.sequence = host.sequence.wrapping_add(1).max(1);
-            let mut frame = [0; FRAME_LEN + 1];
-            let request = Request { sequence: host.sequence, token: host.token, command };
-            let length = encode(&request, &mut frame).expect("fits");
-            line(&frame[..length]);
+            line(&frame(&Request { sequence: host.sequence, token: host.token, command }));
             host.sequence
         };
         if self.plays && now.is_multiple_of(10) {

@@ -3,6 +3,7 @@
 use dea_driver::server::{Board, FlightRecorder, FlightSlot, Image, Session};
 use dea_driver::wire::{Answer, Command, FRAME_LEN, FlightRecord, InjectedFault, Message, Request, encode};
 use dea_driver::{Cause, Device, Drive, Inputs, RamFlash, Store};
+use serde::Serialize;
 
 pub const BOARD: u16 = 7;
 
@@ -124,11 +125,17 @@ impl Board for Bench {
     }
 }
 
+/// The bytes of a message on the line.
+pub fn frame(message: &impl Serialize) -> Vec<u8> {
+    let mut bytes = [0; FRAME_LEN + 1];
+    let length = encode(message, &mut bytes).expect("fits");
+    bytes[..length].to_vec()
+}
+
 /// Sends a command with this token and returns its answer, the only one.
 pub fn ask(session: &mut Session, board: &mut impl Board, (sequence, token): (u32, u16), command: Command) -> Answer {
-    let mut frame = [0; FRAME_LEN + 1];
-    let length = encode(&Request { sequence, token, command }, &mut frame).expect("fits");
-    let mut answers = frame[..length].iter().filter_map(|&byte| session.serve(byte, board));
+    let bytes = frame(&Request { sequence, token, command });
+    let mut answers = bytes.iter().filter_map(|&byte| session.serve(byte, board));
     match (answers.next(), answers.next()) {
         (Some(Message::Answer { sequence: to, answer }), None) if to == sequence => answer,
         other => panic!("{other:?}"),

@@ -157,10 +157,24 @@ impl<DAC: SpiDevice, EN: OutputPin> Bench<DAC, EN> {
         (0..count).for_each(|_| self.tick());
     }
 
-    fn start(&mut self, mode: Mode) {
+    fn start(&mut self) {
         self.ticks(20);
         self.device.arm().expect("healthy");
-        self.device.start(mode).expect("armed");
+        self.device.start(Mode::Voltage).expect("armed");
+    }
+
+    fn run_at_2_kv(&mut self) {
+        self.start();
+        self.device.set_voltage(2000.0).expect("within the limits");
+        self.ticks(100);
+    }
+
+    /// A tick before which the DAC was without its digital supply for a microsecond.
+    fn tick_after_dip(&mut self) {
+        let now = self.clock.now();
+        self.dac.borrow_mut().set_dvcc(false, now);
+        self.dac.borrow_mut().set_dvcc(true, now + 1000);
+        self.tick();
     }
 
     /// A fault of the amplifier alone shows in the tick that would enable it.
@@ -198,7 +212,7 @@ fn a_run_breaks_no_rule_of_the_data_sheets() {
     for (variant, clr_at_enable) in VARIANTS.map(|variant| (variant, true)).into_iter().chain([(VARIANTS[0], false)]) {
         for rate_hz in [100.0, 1000.0, 5000.0] {
             let mut bench = with_dac(variant, rate_hz, BOARD, clr_at_enable, |bus, dac| bus.connect(dac, MODE_1));
-            bench.start(Mode::Voltage);
+            bench.start();
             bench.device.set_voltage(3000.0).expect("within the limits");
             bench.ticks((0.2 * rate_hz) as u32);
             assert_eq!(bench.state(), DriverState::Running, "{variant:?} at {rate_hz} Hz");
@@ -220,7 +234,7 @@ fn a_run_breaks_no_rule_of_the_data_sheets() {
 fn a_ramp_at_full_slew_does_not_trip() {
     for rate_hz in [100.0, 200.0, 500.0, 1000.0, 5000.0] {
         let mut bench = bench(Variant::Ads8689, rate_hz, BOARD);
-        bench.start(Mode::Voltage);
+        bench.start();
         for target_v in [6000.0, 0.0, 6000.0, 500.0] {
             bench.device.set_voltage(target_v).expect("within the limits");
             bench.ticks((0.3 * rate_hz) as u32);
@@ -249,7 +263,7 @@ fn an_adc_whose_supply_dips_shows_and_comes_back() {
     for runs in [false, true] {
         let mut bench = bench(Variant::Ads8685, 1000.0, BOARD);
         if runs {
-            bench.start(Mode::Voltage);
+            bench.start();
             bench.device.set_voltage(1000.0).expect("within the limits");
         }
         bench.ticks(200);
@@ -284,19 +298,12 @@ fn a_missing_dac_shows_and_is_not_enabled() {
 #[test]
 fn a_dac_whose_supply_dips_trips_and_comes_back() {
     let mut bench = bench(Variant::Ads8681, 1000.0, BOARD);
-    bench.start(Mode::Voltage);
-    bench.device.set_voltage(2000.0).expect("within the limits");
-    bench.ticks(100);
-    let now = bench.clock.now();
-    bench.dac.borrow_mut().set_dvcc(false, now);
-    bench.dac.borrow_mut().set_dvcc(true, now + 1000);
-    bench.tick();
+    bench.run_at_2_kv();
+    bench.tick_after_dip();
     assert_eq!((bench.state(), bench.enable.get()), (DriverState::Tripped(Cause::Bus), false));
     bench.ticks(5);
     bench.device.acknowledge().expect("tripped");
-    bench.start(Mode::Voltage);
-    bench.device.set_voltage(2000.0).expect("within the limits");
-    bench.ticks(100);
+    bench.run_at_2_kv();
     assert!((bench.film_v() - 2000.0).abs() < 0.1 && bench.state() == DriverState::Running);
 }
 
@@ -328,23 +335,16 @@ fn a_dac_on_its_own_reference_runs_and_one_without_is_refused() {
         (Ad5754::new(), Reference::External),
     ] {
         let mut bench = with_reference(chip, reference);
-        bench.start(Mode::Voltage);
-        bench.device.set_voltage(2000.0).expect("within the limits");
-        bench.ticks(100);
+        bench.run_at_2_kv();
         assert!((bench.film_v() - 2000.0).abs() < 0.1, "{reference:?}: {} V", bench.film_v());
         let two = |violation: &converter_chips::Violation| violation.rule == Rule::TwoReferences;
         assert!(!bench.dac.borrow().violations().iter().any(two), "two references drive one pin");
         // A dip of its supply switches the reference off; it is noticed with the next tick, and comes back.
-        let now = bench.clock.now();
-        bench.dac.borrow_mut().set_dvcc(false, now);
-        bench.dac.borrow_mut().set_dvcc(true, now + 1000);
-        bench.tick();
+        bench.tick_after_dip();
         assert_eq!(bench.state(), DriverState::Tripped(Cause::Bus), "{reference:?}");
         bench.ticks(5);
         bench.device.acknowledge().expect("tripped");
-        bench.start(Mode::Voltage);
-        bench.device.set_voltage(2000.0).expect("within the limits");
-        bench.ticks(100);
+        bench.run_at_2_kv();
         assert!((bench.film_v() - 2000.0).abs() < 0.1, "{reference:?}: {} V", bench.film_v());
     }
     let mut bench = with_reference(Ad5754::new(), Reference::Internal);
@@ -357,8 +357,6 @@ fn a_dac_on_its_own_reference_runs_and_one_without_is_refused() {
 #[test]
 fn a_dac_without_its_reference_trips_with_the_monitor() {
     let mut bench = with_reference(Ad5754::with_reference(false), Reference::External);
-    bench.start(Mode::Voltage);
-    bench.device.set_voltage(2000.0).expect("within the limits");
-    bench.ticks(100);
+    bench.run_at_2_kv();
     assert_eq!(bench.state(), DriverState::Tripped(Cause::Monitor));
 }

@@ -7,15 +7,9 @@ use dea_driver::wire::{
     encode,
 };
 use dea_driver::{BLOB_LEN, Cause, DriverState, Refusal, SensorFault};
-use serde::Serialize;
 
+use crate::board::frame;
 use crate::link_page;
-
-fn frame(message: &impl Serialize) -> Vec<u8> {
-    let mut bytes = [0; FRAME_LEN + 8];
-    let length = encode(message, &mut bytes).expect("fits");
-    bytes[..length].to_vec()
-}
 
 fn receive<T: serde::de::DeserializeOwned>(receiver: &mut Receiver, bytes: &[u8]) -> Vec<Result<T, FrameError>> {
     bytes.iter().filter_map(|&byte| receiver.push(byte)).collect()

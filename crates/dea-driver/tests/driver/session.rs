@@ -1,14 +1,13 @@
 //! A host's conversation with a board: every command in the states of the link's table.
 
 use dea_driver::server::Session;
-use dea_driver::wire::{
-    Answer, BAUD, Command, FRAME_LEN, InjectedFault, Message, Mode, Reject, Request, VERSION, encode,
-};
+use dea_driver::wire::{Answer, BAUD, Command, InjectedFault, Message, Mode, Reject, Request, VERSION};
 use dea_driver::{Cause, Device, DriverState, Inputs, Refusal, SCHEMA, SensorFault};
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use crate::board::frame;
 use crate::host::{Host, blob};
 
 /// Commands that neither set anything nor end in a new state.
@@ -273,18 +272,16 @@ fn a_background_that_hangs_is_noticed_by_the_tick() {
 /// A turn of the background ends however fast a line brings frames, so that the tick finds it alive: it takes as long as its answers on the line.
 #[test]
 fn a_flood_does_not_starve_the_background() {
-    let mut frame = [0; FRAME_LEN + 1];
-    let length = encode(&Request { sequence: 1, token: 0, command: Command::Status }, &mut frame).expect("fits");
+    let request = Request { sequence: 1, token: 0, command: Command::Status };
     // Frames of one byte, and requests back to back.
-    for flood in [&[1, 0], &frame[..length]] {
+    for flood in [vec![1, 0], frame(&request)] {
         let mut host = Host::with_parameters();
         let rate_hz = host.bench.device.rate_hz();
         let mut line = flood.iter().copied().cycle().take(1_000_000);
         let mut ticks = 0;
         while ticks < 5000 {
             let mut sent = 0;
-            let mut frame = [0; FRAME_LEN + 1];
-            let answered = |message: &Message| sent += encode(message, &mut frame).expect("fits");
+            let answered = |message: &Message| sent += frame(message).len();
             assert!(host.session.turn(line.by_ref(), &mut host.bench, answered));
             let turn = (sent as f32 * 10.0 / BAUD as f32 * rate_hz) as u32;
             assert!(turn > 0 && turn < 100, "{turn} ticks");
@@ -337,9 +334,7 @@ fn the_status_counts_what_was_refused() {
     };
     // Broken stuffing three times, and twice a command that does not exist.
     (0..3).for_each(|_| send(&[9, 9, 0]));
-    let mut frame = [0; FRAME_LEN + 1];
-    let length = encode(&(1u16, 0u16, 200u8), &mut frame).expect("fits");
-    (0..2).for_each(|_| send(&frame[..length]));
+    (0..2).for_each(|_| send(&frame(&(1u16, 0u16, 200u8))));
     let Answer::Status(status) = host.ask(Command::Status) else { panic!("no status") };
     assert_eq!((status.damaged_frames, status.unknown_frames, status.stack_peak), (3, 2, 99));
 }
