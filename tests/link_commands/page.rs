@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use axum::Router;
 use axum::body::Body;
+use axum::http::request::Builder;
 use axum::http::{Request, StatusCode};
 use dea_driver::wire::boards;
 use host_sim::bench::control::{Permit, Token};
@@ -99,9 +100,7 @@ impl Desk {
     }
 
     pub fn post(&self, body: &Value) -> (StatusCode, String) {
-        let request = Request::post("/api").header("host", HOST).header("origin", format!("http://{HOST}"));
-        let request = request.header("content-type", "application/json").header(SECRET, self.site.secret.to_string());
-        self.send(request.body(Body::from(body.to_string())).expect("a request"))
+        self.send(sound(Request::post("/api").header(SECRET, self.site.secret.to_string()), body))
     }
 
     pub fn asks(&self, page: &mut Page, ask: Value) -> (StatusCode, String) {
@@ -322,51 +321,38 @@ fn a_trip_is_shown_and_acknowledged() {
 }
 
 /// How a request is forged: each changes a sound one so that it must not be obeyed.
-type Forgery = fn(&mut Pcg64, axum::http::request::Builder, Value, &str) -> Request<Body>;
-
-fn body(value: &Value) -> Body {
-    Body::from(value.to_string())
-}
+type Forgery = fn(&mut Pcg64, Builder, Value) -> Request<Body>;
 
 const FORGERIES: [(&str, Forgery); 9] = [
-    ("another host, as after rebinding a name", |random, request, ask, _| {
+    ("another host, as after rebinding a name", |random, request, ask| {
         let host = ["evil.example:4321", "127.0.0.1:4322", "127.0.0.1", "localhost.evil:4321", "[::1]:4321", ""];
-        let request =
-            request.header("host", *host.choose(random).expect("some")).header("origin", format!("http://{HOST}"));
-        request.header("content-type", "application/json").body(body(&ask)).expect("a request")
+        let request = request.header("host", *host.choose(random).expect("some"));
+        json_of(request.header("origin", format!("http://{HOST}")), ask.to_string())
     }),
-    ("two hosts", |_, request, ask, _| {
-        let request =
-            request.header("host", HOST).header("host", "evil.example").header("origin", format!("http://{HOST}"));
-        request.header("content-type", "application/json").body(body(&ask)).expect("a request")
-    }),
-    ("another origin, or none", |random, request, ask, _| {
-        let mut request = request.header("host", HOST).header("content-type", "application/json");
+    ("two hosts", |_, request, ask| json_of(from_the_site(request).header("host", "evil.example"), ask.to_string())),
+    ("another origin, or none", |random, request, ask| {
+        let mut request = request.header("host", HOST);
         let origins =
             ["null", "http://evil.example", "https://127.0.0.1:4321", "http://127.0.0.1:4321.evil.example", "file://"];
         if random.random_bool(0.8) {
             request = request.header("origin", *origins.choose(random).expect("some"));
         }
-        request.body(body(&ask)).expect("a request")
+        json_of(request, ask.to_string())
     }),
-    ("a form", |random, request, ask, _| {
+    ("a form", |random, request, ask| {
         let kinds = ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data", "application/jsonp", ""];
-        let request = request.header("host", HOST).header("origin", format!("http://{HOST}"));
-        request.header("content-type", *kinds.choose(random).expect("some")).body(body(&ask)).expect("a request")
+        let request = from_the_site(request).header("content-type", *kinds.choose(random).expect("some"));
+        request.body(Body::from(ask.to_string())).expect("a request")
     }),
-    ("fetched by another site", |random, request, ask, _| {
+    ("fetched by another site", |random, request, ask| {
         let sites = ["cross-site", "same-site", "none"];
-        let request = request.header("host", HOST).header("origin", format!("http://{HOST}"));
-        let request = request.header("sec-fetch-site", *sites.choose(random).expect("some"));
-        request.header("content-type", "application/json").body(body(&ask)).expect("a request")
+        sound(request.header("sec-fetch-site", *sites.choose(random).expect("some")), &ask)
     }),
-    ("too large", |random, request, ask, _| {
+    ("too large", |random, request, ask| {
         let filling = " ".repeat(random.random_range(4097..60_000));
-        let request = request.header("host", HOST).header("origin", format!("http://{HOST}"));
-        let request = request.header("content-type", "application/json");
-        request.body(Body::from(format!("{filling}{ask}"))).expect("a request")
+        json_of(from_the_site(request), format!("{filling}{ask}"))
     }),
-    ("cut off, or with bytes that were changed", |random, request, ask, _| {
+    ("cut off, or with bytes that were changed", |random, request, ask| {
         let mut bytes = ask.to_string().into_bytes();
         bytes.truncate(random.random_range(0..bytes.len()));
         for _ in 0..random.random_range(0..4) {
@@ -375,15 +361,14 @@ const FORGERIES: [(&str, Forgery); 9] = [
                 bytes[at] = random.random_range(0..=255);
             }
         }
-        let request = request.header("host", HOST).header("origin", format!("http://{HOST}"));
-        request.header("content-type", "application/json").body(Body::from(bytes)).expect("a request")
+        json_of(from_the_site(request), bytes)
     }),
-    ("of another client: another page, another arming", |_, request, mut ask, _| {
+    ("of another client: another page, another arming", |_, request, mut ask| {
         ask["page"] = json!(Token::random());
         ask["arming"] = json!(Token::random());
         sound(request, &ask)
     }),
-    ("replayed: the number of a request that was obeyed", |random, request, mut ask, _| {
+    ("replayed: the number of a request that was obeyed", |random, request, mut ask| {
         ask["number"] = json!(random.random_range(0..=REPLAYED));
         sound(request, &ask)
     }),
@@ -392,9 +377,18 @@ const FORGERIES: [(&str, Forgery); 9] = [
 /// The number up to which requests of the page were obeyed.
 const REPLAYED: u64 = 1000;
 
-fn sound(request: axum::http::request::Builder, ask: &Value) -> Request<Body> {
-    let request = request.header("host", HOST).header("origin", format!("http://{HOST}"));
-    request.header("content-type", "application/json").body(body(ask)).expect("a request")
+/// With the headers of a page that the site has served.
+fn from_the_site(request: Builder) -> Builder {
+    request.header("host", HOST).header("origin", format!("http://{HOST}"))
+}
+
+/// A request whose body says that it is JSON.
+fn json_of(request: Builder, body: impl Into<Body>) -> Request<Body> {
+    request.header("content-type", "application/json").body(body.into()).expect("a request")
+}
+
+fn sound(request: Builder, ask: &Value) -> Request<Body> {
+    json_of(from_the_site(request), ask.to_string())
 }
 
 /// Rebinding, other sites, forms, other clients, replays, oversized and damaged requests, with the secret and without: none is obeyed, armed or not.
@@ -431,8 +425,7 @@ fn no_forged_request_is_obeyed() {
         } else if random.random_bool(0.5) {
             request = request.header(SECRET, Token::random().to_string());
         }
-        let secret = desk.site.secret.to_string();
-        let (status, text) = desk.send(forge(&mut random, request, ask, &secret));
+        let (status, text) = desk.send(forge(&mut random, request, ask));
         assert!(status.is_client_error(), "{name}: {status} {text}");
         *refused.entry(name).or_insert(0) += 1;
     }
