@@ -11,7 +11,7 @@ use springpot::SensorSample;
 use crate::circuit;
 use crate::films::{self, Case};
 use crate::job::{self, FORGET_CHANGES, HOLD, Input, Kind, LEARN, OFF, RESTORE, TEMPERATURE};
-use crate::program::{STRICT, Sources};
+use crate::program::{STRICT, Sources, with};
 use crate::recordings::recordings;
 
 /// Voltage and displacement of a recording every millisecond, linear between its rows, for `seconds`.
@@ -152,7 +152,7 @@ pub struct Shown {
 fn three_recordings_have_the_bits_of_rust() {
     let cases = [films::plain(), films::rich(), films::periodic(), films::richest(), films::in_series()];
     let sources = Sources::new(&cases);
-    let program = sources.compile("gcc", &[STRICT.as_slice(), &["-O2"]].concat(), &["host.c"]);
+    let program = sources.compile("gcc", &with(&STRICT, &["-O2"]));
     let (mut limits, mut learned, mut aged) = (0, [0; 5], [0; 5]);
     let (mut faults, mut sensed) = (0, 0);
     for path in recordings("hossain") {
@@ -210,7 +210,7 @@ fn with_orders(ticks: usize) -> Vec<Input> {
 fn orders_at_any_time_have_the_bits_of_rust() {
     let cases = films::cycles();
     let sources = Sources::new(&cases);
-    let program = sources.compile("gcc", &[STRICT.as_slice(), &["-O2"]].concat(), &["host.c"]);
+    let program = sources.compile("gcc", &with(&STRICT, &["-O2"]));
     let inputs = with_orders(120_000);
     for (index, case) in cases.iter().enumerate() {
         for kind in [Kind::Observer, Kind::Feedforward, Kind::Tracking, Kind::Learning] {
@@ -245,7 +245,7 @@ pub fn compare_all(kind: Kind, cases: &[Case], inputs: &[Vec<Input>], written: &
 fn two_hundred_random_laws_have_the_bits_of_rust() {
     let cases = films::random(200);
     let sources = Sources::new(&cases);
-    let program = sources.compile("gcc", &[STRICT.as_slice(), &["-O1"]].concat(), &["host.c"]);
+    let program = sources.compile("gcc", &with(&STRICT, &["-O1"]));
     let [fast, ..] = recordings("wang");
     let recorded = recorded(&fast, 2);
     for kind in Kind::ALL {

@@ -7,7 +7,7 @@ use host_emit::HEADER;
 
 use crate::bits::{all_kinds, recorded};
 use crate::films::{self, Case};
-use crate::program::{STRICT, Sources};
+use crate::program::{STRICT, Sources, with};
 use crate::recordings::recordings;
 
 /// The compiled program: films that have everything between them, in one program.
@@ -19,7 +19,7 @@ fn cases() -> [Case; 3] {
 fn has_the_bits(compiler: &str, options: &[&str]) {
     let cases = cases();
     let sources = Sources::new(&cases);
-    let program = sources.compile(compiler, options, &["host.c"]);
+    let program = sources.compile(compiler, options);
     let [fast, ..] = recordings("hossain");
     let recorded = recorded(&fast, 10);
     for (index, case) in cases.iter().enumerate() {
@@ -29,10 +29,6 @@ fn has_the_bits(compiler: &str, options: &[&str]) {
 
 /// The strictest warnings as C99, and as C++11 where sources are C++.
 const STRICT_CPP: [&str; 7] = ["-x", "c++", "-std=c++11", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion"];
-
-fn with<'a>(options: &[&'a str], more: &[&'a str]) -> Vec<&'a str> {
-    [options, more].concat()
-}
 
 /// Options that break the arithmetic do not compile, and the error says why.
 fn refuses(compiler: &str, options: &[&[&str]]) {
@@ -73,7 +69,7 @@ fn wider_arithmetic_alone_is_refused() {
     refuses("gcc", &[&says("-D__FLT_EVAL_METHOD__=1"), &says("-D__FLT_EVAL_METHOD__=2")]);
     let sources = Sources::new(&cases());
     for method in ["-D__FLT_EVAL_METHOD__=0", "-D__FLT_EVAL_METHOD__=16"] {
-        sources.compile("gcc", &with(&says(method), &["-O2"]), &["host.c"]);
+        sources.compile("gcc", &with(&says(method), &["-O2"]));
     }
 }
 

@@ -19,6 +19,11 @@ pub struct Sources {
 /// Options that every build has.
 pub const STRICT: [&str; 6] = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"];
 
+/// These options, and more.
+pub fn with<'a>(options: &[&'a str], more: &[&'a str]) -> Vec<&'a str> {
+    [options, more].concat()
+}
+
 impl Sources {
     /// The sources for a program that steps `cases`, as `job_films` in their order.
     pub fn new(cases: &[Case]) -> Self {
@@ -64,15 +69,13 @@ impl Sources {
         (0..self.films).map(|k| format!("films_{k}.c")).chain(["job_films.c".into()]).collect()
     }
 
-    /// Compiles `files` with `compiler` and `options` to a program, which must succeed.
-    pub fn compile(&self, compiler: &str, options: &[&str], files: &[&str]) -> PathBuf {
-        let program = self.folder.path().join("program");
-        let films = self.film_files();
+    /// Compiles the program of the host with `compiler` and `options`, which must succeed.
+    pub fn compile(&self, compiler: &str, options: &[&str]) -> PathBuf {
         let mut command = Command::new(compiler);
-        command.current_dir(self.folder.path()).args(options).args(files).args(&films);
+        command.current_dir(self.folder.path()).args(options).arg("host.c").args(self.film_files());
         command.args(["-o", "program", "-lm"]);
         succeeds(&mut command);
-        program
+        self.folder.path().join("program")
     }
 
     /// Runs `command` with `input` on its standard input and returns its standard output.
