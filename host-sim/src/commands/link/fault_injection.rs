@@ -42,51 +42,30 @@ struct Fault {
 
 /// In the order in which they are caused: the panic takes parameters along that were only tried.
 static FAULTS: [Fault; 7] = [
-    Fault {
-        name: "interlock",
-        injected: InjectedFault::Interlock,
-        cause: Cause::Interlock,
-        help: "The interlock opens",
-    },
-    Fault {
-        name: "monitor",
-        injected: InjectedFault::Monitor,
-        cause: Cause::Monitor,
-        help: "The voltage monitor stays where it is",
-    },
-    Fault {
-        name: "sensor",
-        injected: InjectedFault::Sensor,
-        cause: Cause::Sensor(SensorFault::Range),
-        help: "The displacement sensor is unplugged",
-    },
-    Fault {
-        name: "bus",
-        injected: InjectedFault::Bus,
-        cause: Cause::Bus,
-        help: "The monitor's converter does not answer",
-    },
-    Fault {
-        name: "overrun",
-        injected: InjectedFault::Overrun,
-        cause: Cause::Overrun,
-        help: "A tick takes longer than it may",
-    },
-    Fault {
-        name: "panic",
-        injected: InjectedFault::Panic,
-        cause: Cause::Panic,
-        help: "The firmware panics: the chip starts again, and parameters that were only tried are gone",
-    },
-    Fault {
-        name: "hang",
-        injected: InjectedFault::Hang,
-        cause: Cause::Watchdog,
-        help: "The tick hangs, which the watchdog ends",
-    },
+    Fault::new("interlock", InjectedFault::Interlock, Cause::Interlock, "The interlock opens"),
+    Fault::new("monitor", InjectedFault::Monitor, Cause::Monitor, "The voltage monitor stays where it is"),
+    Fault::new(
+        "sensor",
+        InjectedFault::Sensor,
+        Cause::Sensor(SensorFault::Range),
+        "The displacement sensor is unplugged",
+    ),
+    Fault::new("bus", InjectedFault::Bus, Cause::Bus, "The monitor's converter does not answer"),
+    Fault::new("overrun", InjectedFault::Overrun, Cause::Overrun, "A tick takes longer than it may"),
+    Fault::new(
+        "panic",
+        InjectedFault::Panic,
+        Cause::Panic,
+        "The firmware panics: the chip starts again, and parameters that were only tried are gone",
+    ),
+    Fault::new("hang", InjectedFault::Hang, Cause::Watchdog, "The tick hangs, which the watchdog ends"),
 ];
 
 impl Fault {
+    const fn new(name: &'static str, injected: InjectedFault, cause: Cause, help: &'static str) -> Self {
+        Self { name, injected, cause, help }
+    }
+
     /// Whether the chip starts again.
     fn resets(&self) -> bool {
         matches!(self.injected, InjectedFault::Panic | InjectedFault::Hang)
