@@ -84,9 +84,8 @@ impl ElasticCurve {
             }
             Shape::Free => {
                 let mut row = |name: &str, of: fn(&Knot<f64>) -> f64| {
-                    let numbers: Vec<String> =
-                        self.curve.knots().iter().map(|knot| format!("{:?}", of(knot))).collect();
-                    let _ = writeln!(text, "{name} = [{}]", numbers.join(", "));
+                    let numbers: Vec<f64> = self.curve.knots().iter().map(of).collect();
+                    let _ = writeln!(text, "{name} = {numbers:?}");
                 };
                 row("displacement_m", |knot| knot.displacement);
                 row("value_m", |knot| knot.value);

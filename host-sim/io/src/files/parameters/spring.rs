@@ -60,9 +60,9 @@ pub(super) fn to_toml(spring: &Spring, in_series: bool) -> String {
     };
     let mut text = format!("\n[spring]{}{place}\n", if in_series { '\n' } else { ' ' });
     let mut row = |name: &str, of: fn(&Knot<f64>) -> f64| {
-        let numbers: Vec<String> = spring.knots().iter().map(|knot| format!("{:?}", of(knot))).collect();
+        let numbers: Vec<f64> = spring.knots().iter().map(of).collect();
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "{name} = [{}]", numbers.join(", "));
+        let _ = writeln!(text, "{name} = {numbers:?}");
     };
     row("displacement_m", |knot| knot.displacement);
     row("force_n", |knot| knot.value);
