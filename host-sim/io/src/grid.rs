@@ -2,6 +2,16 @@
 
 use crate::error::{Error, Result};
 
+/// The smallest and the largest of `values`, NaN aside; infinite and the other way around without any.
+pub fn range<'a>(values: impl IntoIterator<Item = &'a f64>) -> (f64, f64) {
+    values.into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)))
+}
+
+/// The largest magnitude of `values`, NaN aside; 0 without any.
+pub fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |largest, value| largest.max(value.abs()))
+}
+
 /// Samples of one quantity at their times.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Samples {

@@ -13,6 +13,7 @@ use crate::error::{Error, Result, shown};
 use crate::files::import::{Blank, By, Edits, Hints, Quantity, Series, Understood, UnderstoodColumn};
 use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::recording::Recording;
+use crate::grid::{largest, range};
 use crate::quantity;
 use crate::statistics::median;
 use crate::terminal::{self, rounded};
@@ -141,7 +142,7 @@ fn at_rest(series: &Series, from_s: f64) -> bool {
     let recording = Recording::from_series(Path::new(""), series.clone());
     let Ok(drive) = recording.drive() else { return true };
     let drive = drive.samples();
-    let largest = drive.value.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    let largest = largest(&drive.value);
     let first = series.clock_s.iter().position(|t| t - start >= from_s).unwrap_or(0);
     drive.value.get(first).is_none_or(|value| value.abs() <= 0.01 * largest)
 }
@@ -185,8 +186,7 @@ impl Imported {
 impl Range {
     fn from_values(name: &str, values: &[f64]) -> Option<Self> {
         let quantity = Quantity::CHOICES.iter().find(|(_, known, _)| name.starts_with(known))?.0;
-        let present = values.iter().copied().filter(|value| !value.is_nan());
-        let (low, high) = present.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        let (low, high) = range(values);
         let empty = values.iter().filter(|value| value.is_nan()).count();
         (low <= high).then_some(Self { quantity, low, high, empty })
     }

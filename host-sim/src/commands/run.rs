@@ -11,6 +11,7 @@ use super::recordings::RecordingOptions;
 use crate::error::{Error, Result, shown};
 use crate::files::journal::{Journal, Recovered};
 use crate::files::output::{self, Folders};
+use crate::grid::range;
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::supply::{self, Follow, Row, Sensor, SerialLine, Session, Supply};
@@ -145,7 +146,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     warning.iter().for_each(terminal::message);
     let summary = ended?;
     written?;
-    let (low, high) = reference.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
+    let (low, high) = range(&reference);
     let rms_pct = 100.0 * (squares / f64::from(readings)).sqrt() / (high - low);
     let report = Report {
         log: shown(&arguments.log),

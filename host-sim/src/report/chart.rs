@@ -4,6 +4,7 @@ use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
 
 use super::figure::{Figure, MAX_POINTS, Panel};
+use crate::grid::range;
 
 /// `figure` for a page: plots that zoom together where they share an axis.
 pub fn figure(figure: &Figure) -> Markup {
@@ -41,9 +42,7 @@ fn spoken(panel: &Panel) -> String {
     let mut lines: Vec<String> = panel
         .drawn()
         .filter_map(|(line, _, points)| {
-            let (low, high) = points
-                .iter()
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, y)| (low.min(*y), high.max(*y)));
+            let (low, high) = range(points.iter().map(|(_, y)| y));
             (low <= high).then(|| format!("{} from {} to {}", line.label, digits(low, 3), digits(high, 3)))
         })
         .collect();
@@ -91,7 +90,7 @@ fn data(panel: &Panel) -> Value {
 
 /// Digits that distinguish values of x as finely as six do on an axis that begins at 0.
 fn x_digits(points: &[(f64, f64)]) -> usize {
-    let (low, high) = points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (x, _)| (l.min(*x), h.max(*x)));
+    let (low, high) = range(points.iter().map(|(x, _)| x));
     let more = (low.abs().max(high.abs()) / (high - low)).log10().ceil();
     6 + if more.is_finite() && more > 0.0 { (more as usize).min(9) } else { 0 }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::grid::Samples;
+use crate::grid::{Samples, largest, range};
 
 /// The course of a drive.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,7 +47,7 @@ impl Course {
 /// The time (s) from which on the drive stays at its last value, if it stays there for most of the recording.
 fn held_since(drive: &Samples) -> Option<f64> {
     let (&first_s, &last_s, &end) = (drive.time_s.first()?, drive.time_s.last()?, drive.value.last()?);
-    let size = drive.value.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
+    let size = largest(&drive.value);
     let since_s = match drive.value.iter().rposition(|value| (value - end).abs() > STEADY * size) {
         // Held from the beginning: the load was applied at 0 on the recording's clock.
         None => 0.0,
@@ -58,10 +58,7 @@ fn held_since(drive: &Samples) -> Option<f64> {
 
 /// From one rise through the middle to the next.
 fn cycles(drive: &Samples) -> Vec<Range<f64>> {
-    let (low, high) = drive
-        .value
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
+    let (low, high) = range(&drive.value);
     let (middle, margin) = (0.5 * (low + high), 0.5 * HYSTERESIS * (high - low));
     let mut rises = Vec::new();
     let mut below = false;

@@ -8,6 +8,7 @@ use kuva::prelude::{Figure as Scenes, Layout, LegendPosition, LinePlot, Plot, Sc
 use kuva::render::render::Scene;
 
 use super::figure::{Figure, Panel};
+use crate::grid::range;
 
 /// Width and height of a panel in pixels, with its legend beneath.
 const PANEL: (f64, f64) = (1000.0, 360.0);
@@ -83,8 +84,7 @@ fn layout(panel: &Panel, plots: &[Plot]) -> Layout {
         layout = layout.with_log_x();
     } else if !panel.is_path {
         // As far as there is something to see.
-        let x = || panel.lines.iter().flat_map(|line| &line.points).map(|(x, _)| *x);
-        let (low, high) = (x().fold(f64::INFINITY, f64::min), x().fold(f64::NEG_INFINITY, f64::max));
+        let (low, high) = range(panel.lines.iter().flat_map(|line| &line.points).map(|(x, _)| x));
         if low < high && !panel.lines.iter().any(|line| line.marked) {
             layout = layout.with_x_axis_min(low).with_x_axis_max(high);
         }

@@ -8,6 +8,7 @@ use super::chart;
 use super::figure::{Colour, Figure, Line, Panel};
 use super::page::{Page, Section};
 use crate::error::{Error, Result, shown};
+use crate::grid::range;
 
 /// Columns of a stream's recording that are drawn.
 const COLUMNS: [&str; 6] = ["time_s", "command_v", "voltage_v", "displacement_m", "predicted_m", "reference_m"];
@@ -40,11 +41,10 @@ pub fn html(path: &Path) -> Result<String> {
     let wanted = if reference == predicted { "prediction" } else { "reference" };
     let driven = command.iter().position(|&volts| volts > 0.0).zip(command.iter().rposition(|&volts| volts > 0.0));
     let sentence = driven.map_or("The film was not driven".into(), |(from, to)| {
-        let range =
-            reference[from..=to].iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
+        let (low, high) = range(&reference[from..=to]);
         let seen: Vec<f64> = error[from..=to].iter().copied().filter(|error| error.is_finite()).collect();
         let rms = (seen.iter().map(|error| error * error).sum::<f64>() / seen.len().max(1) as f64).sqrt();
-        let pct = 100.0 * rms / (range.1 - range.0);
+        let pct = 100.0 * rms / (high - low);
         format!("The film was within {pct:.2} % RMS of the {wanted}'s range, over {:.1} s", time[to] - time[from])
     });
     let panels = vec![

@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::files::import::{Hints, Names, Quantity, Understood};
 use crate::files::layout::Layout;
 use crate::files::table::Table;
+use crate::grid::range;
 
 /// A log, row by row; time from its first row.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,7 +82,7 @@ impl AmplifierLog {
         if count < MIN_ROWS {
             return fault(format!("{count} rows with a reading of the monitor; at least {MIN_ROWS} are needed"));
         }
-        let (low, high) = range(self.command_v.iter());
+        let (low, high) = range(&self.command_v);
         if low < -BELOW_ZERO * high.abs().max(-low) {
             return fault(format!("command_v goes down to {low} V; the amplifier's model is from 0 V up"));
         }
@@ -102,11 +103,7 @@ impl AmplifierLog {
 
     /// Largest command minus the smallest, V.
     pub fn span_v(&self) -> f64 {
-        let (low, high) = range(self.command_v.iter());
+        let (low, high) = range(&self.command_v);
         high - low
     }
-}
-
-fn range<'a>(values: impl Iterator<Item = &'a f64>) -> (f64, f64) {
-    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)))
 }

@@ -2,6 +2,7 @@
 
 use super::import::Quantity;
 use super::recording::{Input, Recording};
+use crate::grid;
 use crate::terminal::rounded;
 
 /// Distance of a drop-out from the readings before and after it, as a share of the stroke; further by this many steps of the drive, of which
@@ -237,7 +238,7 @@ fn quantiles<const N: usize>(mut values: Vec<f64>, shares: [f64; N]) -> Option<[
 
 /// The load of a drive as a share of the largest.
 fn load(drive: &[f64]) -> Vec<f64> {
-    let largest = drive.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    let largest = grid::largest(drive);
     drive.iter().map(|value| (value / largest.max(f64::MIN_POSITIVE)).powi(2)).collect()
 }
 

@@ -2,6 +2,7 @@
 
 use super::import::{By, Quantity};
 use super::recording::Recording;
+use crate::grid::{largest, range};
 use crate::terminal::rounded;
 
 /// Voltages (V) below and above which a column is not the voltage on a film.
@@ -215,7 +216,7 @@ impl Recording {
 
 /// How often `values` cross the middle of their range, by a quarter of it to either side.
 fn crossings(values: &[f64]) -> usize {
-    let [low, high] = values.iter().fold([f64::MAX, f64::MIN], |[low, high], v| [low.min(*v), high.max(*v)]);
+    let (low, high) = range(values);
     let at = |share: f64| low + share * (high - low);
     let sides = values.iter().filter(|value| **value > at(0.75) || **value < at(0.25)).map(|value| *value > at(0.5));
     let sides: Vec<bool> = sides.collect();
@@ -237,7 +238,7 @@ fn mains(volts: &[f64]) -> Option<f64> {
     let count = volts.len() as f64;
     let mean = volts.iter().sum::<f64>() / count;
     let rms = (volts.iter().map(|value| value * value).sum::<f64>() / count).sqrt();
-    let (low, high) = volts.iter().fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(*value), high.max(*value)));
+    let (low, high) = range(&volts);
     let stays = high - low < 0.15 * mean;
     let alternates =
         mean.abs() < 0.1 * rms && (1.3..1.55).contains(&(high / rms)) && (1.3..1.55).contains(&(-low / rms));
@@ -247,7 +248,7 @@ fn mains(volts: &[f64]) -> Option<f64> {
 
 /// Whether `values` stay within 1 % of their largest for most of the time: a load that is held.
 fn is_constant(values: &[f64]) -> bool {
-    let largest = values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    let largest = largest(values);
     let held = values.iter().filter(|value| value.abs() >= 0.99 * largest).count();
     largest == 0.0 || 10 * held > 9 * values.len()
 }
