@@ -1,6 +1,5 @@
 //! Digests that identify the files that were read.
 
-use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
@@ -10,9 +9,10 @@ use crate::error::{Error, Result};
 
 /// SHA-256 of the file at `path`, in hexadecimal digits.
 pub fn sha256(path: &Path) -> Result<String> {
-    let bytes = fs::read(path).map_err(|e| Error::file(path, e))?;
-    Ok(Sha256::digest(&bytes).iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    }))
+    fs::read(path).map(|bytes| of_bytes(&bytes)).map_err(|e| Error::file(path, e))
+}
+
+/// SHA-256 of `bytes`, in hexadecimal digits.
+pub(super) fn of_bytes(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }

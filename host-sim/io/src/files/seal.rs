@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 use minisign_verify::{PublicKey, Signature};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
-use sha2::{Digest, Sha256};
 
 use super::{digest, output};
 use crate::error::{Error, Result};
@@ -35,7 +34,7 @@ pub fn chain(files: &[PathBuf]) -> Result<Vec<SealedFile>> {
     let link = |path: &PathBuf| {
         let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let sha256 = digest::sha256(path)?;
-        before = hexadecimal(format!("{before}\n{file}\n{sha256}").as_bytes());
+        before = digest::of_bytes(format!("{before}\n{file}\n{sha256}").as_bytes());
         Ok(SealedFile { file, sha256, chain: before.clone() })
     };
     files.iter().map(link).collect()
@@ -50,7 +49,7 @@ pub fn write(path: &Path, record: &impl Serialize, files: &[PathBuf]) -> Result<
         return Err(Error::file(path, "the record is not an object with a key"));
     };
     let sealed = format!("{open},\"files\":{files}");
-    let seal = hexadecimal(sealed.as_bytes());
+    let seal = digest::of_bytes(sealed.as_bytes());
     output::write_whole(path, |file| file.write_all(format!("{sealed}{KEY}{seal}{END}").as_bytes()))
 }
 
@@ -65,7 +64,7 @@ pub fn verify(path: &Path) -> Result<Map<String, Value>> {
     let text = String::from_utf8(bytes).map_err(|_| changed())?;
     let at = text.len().checked_sub(KEY.len() + DIGITS + END.len()).ok_or_else(changed)?;
     let sealed = text.get(..at).ok_or_else(changed)?;
-    if text[at..] != format!("{KEY}{}{END}", hexadecimal(sealed.as_bytes())) {
+    if text[at..] != format!("{KEY}{}{END}", digest::of_bytes(sealed.as_bytes())) {
         return Err(changed());
     }
     let record: Map<String, Value> = serde_json::from_str(&text).map_err(|e| Error::file(path, e))?;
@@ -108,8 +107,4 @@ pub fn signed(path: &Path, key: &Path) -> Result<String> {
         Error::file(beside, format!("is no signature of {} by the key in {}", path.display(), key.display()))
     })?;
     Ok(signature.trusted_comment().to_owned())
-}
-
-fn hexadecimal(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
