@@ -26,11 +26,8 @@ pub struct Recording {
     /// Whether it came from a file, not from values at hand.
     is_file: bool,
     time_s: Vec<f64>,
-    voltage_v: Option<Column>,
-    force_n: Option<Column>,
-    displacement_m: Option<Column>,
-    weight: Option<Column>,
-    temperature_c: Option<Column>,
+    /// Those that have a value, in the order of [`RECORDING`].
+    columns: Vec<(Quantity, Column)>,
     /// Interpretation of its file.
     understood: Understood,
 }
@@ -81,6 +78,11 @@ const REFERENCE: Layout<1> = Layout {
     columns: [(Quantity::Displacement, DISPLACEMENT)],
     needed: &[&[Quantity::Displacement]],
 };
+
+/// The name that a recording has for the column of `quantity`, in SI units.
+fn own_name(quantity: Quantity) -> &'static str {
+    RECORDING.columns.iter().find(|(known, _)| *known == quantity).map_or("", |(_, names)| names[0].0)
+}
 
 /// The beginning of every recording that is written here.
 const OWN: &[u8] = b"time_s,";
@@ -152,17 +154,13 @@ impl Recording {
         let start_s = time_s[0];
         let mut found = [const { None }; 5];
         for (quantity, values) in columns {
-            let (slot, name) = match quantity {
-                Quantity::Voltage => (0, VOLTAGE[0].0),
-                Quantity::Force => (1, FORCE[0].0),
-                Quantity::Displacement => (2, DISPLACEMENT[0].0),
-                Quantity::Weight => (3, WEIGHT[0].0),
-                Quantity::Temperature => (4, TEMPERATURE[0].0),
-                Quantity::Time => return Err(fault("two columns of times".into())),
-                Quantity::Command | Quantity::Stretch | Quantity::Stress => {
-                    return Err(fault(format!("a {} is in no recording", quantity.name())));
-                }
+            let Some(slot) = RECORDING.columns.iter().position(|(known, _)| *known == quantity) else {
+                return Err(fault(match quantity {
+                    Quantity::Time => "two columns of times".into(),
+                    other => format!("a {} is in no recording", other.name()),
+                }));
             };
+            let name = own_name(quantity);
             if values.len() != time_s.len() {
                 return Err(fault(format!("{} values of {name} at {} times", values.len(), time_s.len())));
             }
@@ -186,26 +184,17 @@ impl Recording {
     }
 
     fn new(path: &Path, table: Table<5>, understood: Understood) -> Self {
-        let Table { mut time_s, start_s, columns } = table;
+        let start_s = table.start_s;
+        let mut recording = Self::of_table(path, &RECORDING, table, understood);
         // A voltage drives; without one, force or displacement may.
-        let inputs = if columns[0].is_some() { &columns[..1] } else { &columns[..3] };
-        let held = inputs.iter().flatten().any(|column| is_held(&column.present(&time_s).value));
-        let duration_s = time_s.last().copied().unwrap_or(0.0);
-        if held && start_s > 0.0 && start_s <= MAX_LEAD * duration_s {
-            time_s.iter_mut().for_each(|t| *t += start_s);
-        }
-        let [voltage_v, force_n, displacement_m, weight, temperature_c] = columns;
-        let mut recording = Self {
-            path: path.into(),
-            is_file: true,
-            time_s,
-            voltage_v,
-            force_n,
-            displacement_m,
-            weight,
-            temperature_c,
-            understood,
+        let drives: &[Quantity] = match recording.column(Quantity::Voltage) {
+            Some(_) => &[Quantity::Voltage],
+            None => &[Quantity::Force, Quantity::Displacement],
         };
+        let held = drives.iter().filter_map(|drive| recording.samples(*drive)).any(|samples| is_held(&samples.value));
+        if held && start_s > 0.0 && start_s <= MAX_LEAD * recording.duration_s() {
+            recording.time_s.iter_mut().for_each(|t| *t += start_s);
+        }
         recording.release_held();
         recording
     }
@@ -213,23 +202,24 @@ impl Recording {
     /// Leaves out the readings that repeat the one before, and takes the values of a drive between those that are new, where either was logged
     /// more slowly than the rows.
     fn release_held(&mut self) {
-        let is_voltage = self.voltage_v.is_some();
-        let drive = if is_voltage { &mut self.voltage_v } else { &mut self.force_n };
-        let (Some(drive), Some(stroke)) = (drive, &mut self.displacement_m) else { return };
+        let is_voltage = self.column(Quantity::Voltage).is_some();
+        let drives = if is_voltage { Quantity::Voltage } else { Quantity::Force };
+        let (Some(drive), Some(stroke)) = (self.column(drives), self.column(Quantity::Displacement)) else { return };
         let held_drive = Held::new(drive);
         // Without a voltage the displacement may drive. A film that is driven in coarse steps stays between them.
         let is_slow = is_voltage && (held_drive.is_some() || Held::stays_behind(stroke, drive));
-        if let Some(held) = Held::new(stroke).filter(|_| is_slow) {
-            *stroke = held.without_repeats(stroke);
+        let read = Held::new(stroke).filter(|_| is_slow).map(|held| (held.without_repeats(stroke), held.every));
+        let stroke = read.as_ref().map_or(stroke, |(stroke, _)| stroke);
+        let driven =
+            held_drive.and_then(|held| Some((held.between(drive, stroke, &self.time_s, is_voltage)?, held.every)));
+        if let Some((stroke, every)) = read {
+            self.replace(Quantity::Displacement, stroke);
             self.understood.notes.push(format!(
-                "a new reading of the displacement in every {} rows only: those that repeat it are left out; record with the sensor's own rate",
-                held.every
+                "a new reading of the displacement in every {every} rows only: those that repeat it are left out; record with the sensor's own rate"
             ));
         }
-        let between =
-            held_drive.and_then(|held| Some((held.between(drive, stroke, &self.time_s, is_voltage)?, held.every)));
-        if let Some((between, every)) = between {
-            *drive = between;
+        if let Some((drive, every)) = driven {
+            self.replace(drives, drive);
             self.understood.notes.push(format!(
                 "a new value of the drive in every {every} rows only, and the film moves in between: the drive is taken along a curve through \
                  them; record it as often as the stroke"
@@ -237,33 +227,25 @@ impl Recording {
         }
     }
 
+    fn replace(&mut self, quantity: Quantity, column: Column) {
+        self.columns.iter_mut().filter(|(own, _)| *own == quantity).for_each(|(_, own)| *own = column.clone());
+    }
+
+    fn of_table<const N: usize>(path: &Path, layout: &Layout<N>, table: Table<N>, understood: Understood) -> Self {
+        let columns = layout.columns.iter().zip(table.columns);
+        let columns = columns.filter_map(|((quantity, _), column)| Some((*quantity, column?))).collect();
+        Self { path: path.into(), is_file: true, time_s: table.time_s, columns, understood }
+    }
+
     /// Reads a reference at `path`, of which a person says `hints`: displacement over time, no voltage needed.
     pub fn read_reference(path: &Path, hints: &Hints) -> Result<Self> {
-        let (Table { time_s, columns: [displacement_m], .. }, understood) = REFERENCE.read(path, hints)?;
-        Ok(Self {
-            path: path.into(),
-            is_file: true,
-            time_s,
-            voltage_v: None,
-            force_n: None,
-            displacement_m,
-            weight: None,
-            temperature_c: None,
-            understood,
-        })
+        let (table, understood) = REFERENCE.read(path, hints)?;
+        Ok(Self::of_table(path, &REFERENCE, table, understood))
     }
 
     /// The series of the recording, with their times.
     pub fn into_series(self) -> Series {
-        let columns = [
-            (Quantity::Voltage, self.voltage_v),
-            (Quantity::Force, self.force_n),
-            (Quantity::Displacement, self.displacement_m),
-            (Quantity::Weight, self.weight),
-            (Quantity::Temperature, self.temperature_c),
-        ];
-        let columns = columns.into_iter().filter_map(|(quantity, column)| Some((quantity, column?))).collect();
-        Series { clock_s: self.time_s, columns, understood: self.understood }
+        Series { clock_s: self.time_s, columns: self.columns, understood: self.understood }
     }
 
     /// Interpretation of the file, if it has not the names of recordings.
@@ -273,7 +255,7 @@ impl Recording {
 
     /// The remark on a column that may be the film's temperature, and is not used.
     pub fn unused_temperature(&self) -> Option<String> {
-        let is_wanted = self.voltage_v.is_some() || self.force_n.is_some();
+        let is_wanted = [Quantity::Voltage, Quantity::Force].iter().any(|drive| self.column(*drive).is_some());
         let name = self.understood.unused_temperature().filter(|_| is_wanted)?;
         // A comma separates columns.
         let which = if name.contains([',', '"']) { "NUMBER".into() } else { format!("{name:?}") };
@@ -311,15 +293,8 @@ impl Recording {
 
     /// All columns by their names, NaN in empty cells, as they are written.
     pub fn columns(&self) -> Vec<(&'static str, Vec<f64>)> {
-        let columns = [
-            ("voltage_v", &self.voltage_v),
-            ("force_n", &self.force_n),
-            ("displacement_m", &self.displacement_m),
-            ("weight", &self.weight),
-            ("temperature_c", &self.temperature_c),
-        ];
         let values = |column: &Column| column.cells().iter().map(|cell| cell.unwrap_or(f64::NAN)).collect();
-        columns.into_iter().filter_map(|(name, column)| Some((name, values(column.as_ref()?)))).collect()
+        self.columns.iter().map(|(quantity, column)| (own_name(*quantity), values(column))).collect()
     }
 
     /// Where the recording came from.
@@ -348,7 +323,7 @@ impl Recording {
     ///
     /// [`Error`] for a column with gaps.
     pub fn drive(&self) -> Result<Input> {
-        match (&self.voltage_v, &self.force_n) {
+        match (self.column(Quantity::Voltage), self.column(Quantity::Force)) {
             (Some(voltage), _) => Ok(Input::Voltage(self.complete(voltage)?)),
             (None, Some(force)) => Ok(Input::Force(self.complete(force)?)),
             (None, None) => Err(Error::file(&self.path, "neither voltage_v nor force_n has a value")),
@@ -361,28 +336,28 @@ impl Recording {
     ///
     /// [`Error`] if it is missing or has gaps.
     pub fn displacement_drive(&self) -> Result<Input> {
-        let column = self.displacement_m.as_ref().ok_or_else(|| self.no_displacement())?;
+        let column = self.column(Quantity::Displacement).ok_or_else(|| self.no_displacement())?;
         Ok(Input::Displacement(self.complete(column)?))
     }
 
     /// The measured displacement in m.
     pub fn displacement(&self) -> Result<Samples> {
-        self.displacement_m.as_ref().map(|column| self.present(column)).ok_or_else(|| self.no_displacement())
+        self.samples(Quantity::Displacement).ok_or_else(|| self.no_displacement())
     }
 
     /// The force in N, where it was measured.
     pub fn force(&self) -> Option<Samples> {
-        self.force_n.as_ref().map(|column| self.present(column))
+        self.samples(Quantity::Force)
     }
 
     /// Weights of the squared residuals in a fit, where there is a column of them; an empty cell counts 1.
     pub fn weights(&self) -> Option<Samples> {
-        self.weight.as_ref().map(|column| self.present(column))
+        self.samples(Quantity::Weight)
     }
 
     /// Temperatures of the film, °C, where there is a column of them.
     pub fn temperature_c(&self) -> Option<Samples> {
-        self.temperature_c.as_ref().map(|column| self.present(column))
+        self.samples(Quantity::Temperature)
     }
 
     /// Their mean, °C.
@@ -406,8 +381,12 @@ impl Recording {
         Error::file(&self.path, cause)
     }
 
-    fn present(&self, column: &Column) -> Samples {
-        column.present(&self.time_s)
+    fn column(&self, quantity: Quantity) -> Option<&Column> {
+        self.columns.iter().find(|(which, _)| *which == quantity).map(|(_, column)| column)
+    }
+
+    fn samples(&self, quantity: Quantity) -> Option<Samples> {
+        self.column(quantity).map(|column| column.present(&self.time_s))
     }
 
     fn complete(&self, column: &Column) -> Result<Samples> {
