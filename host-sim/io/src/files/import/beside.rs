@@ -7,6 +7,7 @@ use super::clock;
 use super::names::{UnitSense, unit_cell};
 use super::numbers::{self, Decimal};
 use super::preamble::{hertz, is_one_of, time_unit};
+use super::words::is_of;
 
 /// Parts of words for rows that are fewer than the samples. Those of five letters and more are found within words too.
 const FEWER: &str = "every jede thinn binn skip keep kept nth omit decimat dezim averag mittelung gemittel mittelwertbild moyenn downsampl undersampl \
@@ -212,7 +213,7 @@ fn fewer(name: &str, line: &str, found: &[(f64, &str)]) -> Option<Beside> {
     let left_out = if found.len() == 1 && begins(LEFT_OUT) { 1.0 } else { 0.0 };
     match count.map(|count| count + left_out) {
         Some(count) if count > 1.0 => Some(Beside::Every(count)),
-        None if words().any(|word| SOME.split(' ').any(|some| some == word)) => Some(Beside::Some),
+        None if words().any(|word| is_of(SOME, word)) => Some(Beside::Some),
         _ => None,
     }
 }

@@ -2,9 +2,12 @@
 
 use std::collections::BTreeSet;
 
+use super::chosen::Reading;
 use super::clock;
+use super::lines::Fault;
 use super::names::Title;
 use super::source::{Source, Value};
+use super::words::is_of;
 
 /// Words of titles of columns that number the channels of their rows, and of those that may do so within the rows of one time.
 const CHANNEL: &str = "channel chan ch kanal canal canale voie 通道 チャンネル";
@@ -33,7 +36,6 @@ impl Texts {
     fn new(title: &Title) -> Self {
         let name = title.name.to_lowercase();
         let words = || name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
-        let is_of = |known: &str, word: &str| known.split(' ').any(|known| known == word);
         let is_channel = words().any(|word| is_of(CHANNEL, word));
         // `Channel A` is a channel.
         let may_number = !title.increases
@@ -78,19 +80,16 @@ impl Texts {
     }
 }
 
-/// Refuses a column at one of the `others` that names the channel of its row: by its title, or, where rows share the times in column `time`, by
-/// its texts that change within the rows of each time.
+/// Refuses a column that is not read and names the channel of its row: by its title, or, where rows of one time `may_repeat` it, by its texts
+/// that change within the rows of each time.
 ///
 /// # Errors
 ///
 /// The column, two of its texts and what to do.
-pub fn refuse(
-    source: &Source<'_>,
-    titles: &[Title],
-    time: Option<usize>,
-    others: &[usize],
-) -> Result<(), (u64, String)> {
-    let columns = others.iter().map(|index| (*index, Texts::new(&titles[*index])));
+pub fn refuse(reading: Reading<'_>, may_repeat: bool) -> Result<(), Fault> {
+    let Reading { source, titles, .. } = reading;
+    let time = reading.time().filter(|_| may_repeat).map(|time| time.index);
+    let columns = reading.others().into_iter().map(|index| (index, Texts::new(&titles[index])));
     let mut columns: Vec<(usize, Texts)> = columns.filter(|(_, texts)| time.is_some() || texts.is_channel).collect();
     if matches!(source, Source::Series(_)) || columns.is_empty() {
         return Ok(());

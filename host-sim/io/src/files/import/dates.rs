@@ -1,9 +1,10 @@
 //! Dates and days in a column of their own, beside times that do not have them.
 
-use super::chosen::{By, Chosen};
+use super::chosen::{By, Chosen, Reading};
 use super::clock;
-use super::names::Title;
-use super::source::{Source, Value};
+use super::lines::Fault;
+use super::source::Value;
+use super::words::is_of;
 
 /// Words for dates, whose cells are dates or whole numbers, and for days, whose cells are these or count them.
 const DATES: &str = "date datum fecha data дата 日期 日付";
@@ -70,23 +71,23 @@ impl Days {
     }
 }
 
-/// Refuses a column at one of the `others` whose date changes where the times in the column `time` do not pass midnight.
+/// Refuses a column that is not read whose date changes where the times in the column `time` do not pass midnight.
 ///
 /// # Errors
 ///
 /// The line, both readings and what to do.
-pub fn refuse(source: &Source<'_>, time: &Chosen, titles: &[Title], others: &[usize]) -> Result<(), (u64, String)> {
+pub fn refuse(reading: Reading<'_>, time: &Chosen) -> Result<(), Fault> {
+    let Reading { source, titles, .. } = reading;
     // A person who chose them knows the times.
     if time.by == By::Choice {
         return Ok(());
     }
     let says = |index: usize, known: &str| {
         let name = titles[index].name.to_lowercase();
-        name.split(|c: char| !c.is_alphanumeric()).any(|word| known.split(' ').any(|known| known == word))
+        name.split(|c: char| !c.is_alphanumeric()).any(|word| is_of(known, word))
     };
-    let Some(index) = others.iter().copied().find(|index| says(*index, DATES) || says(*index, DAYS)) else {
-        return Ok(());
-    };
+    let is_date = |index: &usize| says(*index, DATES) || says(*index, DAYS);
+    let Some(index) = reading.others().into_iter().find(is_date) else { return Ok(()) };
     let mut days = Days::default();
     // A row that cannot be read is found later; a column of other texts is no date.
     let all = source.each(&[time.index, index], |line, values| {

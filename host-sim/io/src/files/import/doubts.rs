@@ -1,45 +1,33 @@
 //! Files that may be read in two ways although their columns are known: each is refused with what to do.
 
-use super::chosen::{By, Chosen};
-use super::names::Title;
+use super::chosen::{By, Chosen, Reading};
+use super::lines::Fault;
 use super::separator::Separator;
 use super::source::{Source, Value};
-use super::{Quantity, beginnings, channels, clock, dates, shifted, short, sources};
+use super::{beginnings, channels, clock, dates, shifted, short, sources};
 
-/// Refuses numbers and units that may be read in two ways, and rows of several channels, before the `chosen` columns are read. Rows of one
-/// time `may_repeat` it.
+/// Refuses numbers and units that may be read in two ways, and rows of several channels, before the columns are read. Rows of one time
+/// `may_repeat` it.
 ///
 /// # Errors
 ///
 /// The line, the cause and what to do.
-pub fn refuse_cells(
-    source: &Source<'_>,
-    chosen: &[Chosen],
-    titles: &[Title],
-    may_repeat: bool,
-) -> Result<(), (u64, String)> {
-    refuse_ambiguous(source, chosen, titles)?;
-    let time = time_of(chosen).filter(|_| may_repeat);
-    channels::refuse(source, titles, time.map(|time| time.index), &others(chosen, titles))
+pub fn refuse_cells(reading: Reading<'_>, may_repeat: bool) -> Result<(), Fault> {
+    refuse_ambiguous(reading)?;
+    channels::refuse(reading, may_repeat)
 }
 
-/// Refuses rows that can be read, in which a cell may belong to another column, another film or another time than the `chosen` columns have
-/// it. All rows together show it, so it is no fault of one of them.
+/// Refuses rows that can be read, in which a cell may belong to another column, another film or another time than it is read as. All rows
+/// together show it, so it is no fault of one of them.
 ///
 /// # Errors
 ///
 /// The first line that it concerns, the cause and what to do.
-pub fn refuse_rows(
-    source: &Source<'_>,
-    chosen: &[Chosen],
-    titles: &[Title],
-    clock_s: &[f64],
-) -> Result<(), (u64, String)> {
-    let others = others(chosen, titles);
+pub fn refuse_rows(reading: Reading<'_>, clock_s: &[f64]) -> Result<(), Fault> {
+    let Reading { source, chosen, titles } = reading;
     if let Source::Text(_, table) = source {
         let rows = || table.rows().flatten();
-        let by_comma =
-            || shifted::by_milliseconds(rows(), titles, chosen).filter(|_| table.separator == Separator::Comma);
+        let by_comma = || shifted::by_milliseconds(rows(), reading).filter(|_| table.separator == Separator::Comma);
         if let Some(fault) = shifted::by_counts(rows(), titles).or_else(by_comma).filter(|_| is_named(chosen)) {
             return Err(fault);
         }
@@ -48,11 +36,11 @@ pub fn refuse_rows(
             short::refuse(rows(), titles.len(), last, table.decimal)?;
         }
     }
-    beginnings::refuse(source.head().map_or(&[][..], |head| &head.beginnings), chosen, titles.len(), clock_s)?;
-    sources::refuse(source, chosen, titles, &others)?;
-    let Some(time) = time_of(chosen) else { return Ok(()) };
-    refuse_hours(source, time, titles)?;
-    dates::refuse(source, time, titles, &others)
+    beginnings::refuse(reading, clock_s)?;
+    sources::refuse(reading)?;
+    let Some(time) = reading.time() else { return Ok(()) };
+    refuse_hours(reading, time)?;
+    dates::refuse(reading, time)
 }
 
 /// Refuses rows whose cells are shifted by commas that do not separate cells, in all rows up to the line `until` alike: it may be what is at
@@ -61,22 +49,12 @@ pub fn refuse_rows(
 /// # Errors
 ///
 /// The first line that it concerns, the cause and what to do.
-pub fn refuse_commas(
-    source: &Source<'_>,
-    chosen: &[Chosen],
-    titles: &[Title],
-    until: u64,
-) -> Result<(), (u64, String)> {
-    let Source::Text(_, table) = source else { return Ok(()) };
+pub fn refuse_commas(reading: Reading<'_>, until: u64) -> Result<(), Fault> {
+    let Source::Text(_, table) = reading.source else { return Ok(()) };
     let rows = || table.rows().map_while(Result::ok).take_while(move |(line, _)| *line <= until);
-    let spare = || shifted::into_spare(rows(), titles, |index| is_used(chosen, index)).filter(|_| is_named(chosen));
+    let spare = || shifted::into_spare(rows(), reading).filter(|_| is_named(reading.chosen));
     let by_comma = || shifted::by_thousands(rows()).or_else(spare);
     (table.separator == Separator::Comma).then(by_comma).flatten().map_or(Ok(()), Err)
-}
-
-/// Whether the column at `index` is read.
-fn is_used(chosen: &[Chosen], index: usize) -> bool {
-    chosen.iter().any(|column| column.index == index)
 }
 
 /// Whether a column is chosen by its name.
@@ -84,17 +62,8 @@ fn is_named(chosen: &[Chosen]) -> bool {
     chosen.iter().any(|column| column.by != By::Choice)
 }
 
-fn time_of(chosen: &[Chosen]) -> Option<&Chosen> {
-    chosen.first().filter(|column| column.quantity == Quantity::Time)
-}
-
-/// The columns that are not `chosen`.
-fn others(chosen: &[Chosen], titles: &[Title]) -> Vec<usize> {
-    (0..titles.len()).filter(|index| chosen.iter().all(|column| column.index != *index)).collect()
-}
-
 /// Refuses times of two parts that are hours and minutes by the title of their column, and minutes and seconds by a fraction.
-fn refuse_hours(source: &Source<'_>, time: &Chosen, titles: &[Title]) -> Result<(), (u64, String)> {
+fn refuse_hours(Reading { source, titles, .. }: Reading<'_>, time: &Chosen) -> Result<(), Fault> {
     let title = &titles[time.index];
     let unit = format!("{} {}", title.name, title.unit.as_deref().unwrap_or_default()).to_lowercase();
     if !["h:m", "hour:min", "hours:min", "std:min"].iter().any(|hours| unit.contains(hours)) {
@@ -109,8 +78,9 @@ fn refuse_hours(source: &Source<'_>, time: &Chosen, titles: &[Title]) -> Result<
     })
 }
 
-/// Refuses a `chosen` column whose numbers can be read in two ways, and rows whose cells are shifted or whose units change.
-fn refuse_ambiguous(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Result<(), (u64, String)> {
+/// Refuses a column whose numbers can be read in two ways, and rows whose cells are shifted or whose units change.
+fn refuse_ambiguous(reading: Reading<'_>) -> Result<(), Fault> {
+    let Reading { source, chosen, titles } = reading;
     let Source::Text(_, table) = source else { return Ok(()) };
     if let Some((line, [before, unit])) = table.mixed_units() {
         return Err((
@@ -121,7 +91,7 @@ fn refuse_ambiguous(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) ->
     let rows = || table.rows().map_while(Result::ok);
     if table.separator == Separator::Comma
         && is_named(chosen)
-        && let Some(fault) = shifted::by_fraction(rows(), |index| is_used(chosen, index))
+        && let Some(fault) = shifted::by_fraction(rows(), reading)
     {
         return Err(fault);
     }

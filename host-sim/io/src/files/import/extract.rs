@@ -5,8 +5,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::chosen::{By, Chosen};
-use super::lines::{Line, comments_between, empty_rows};
+use super::chosen::{By, Chosen, Reading};
+use super::lines::{Fault, Line, comments_between, empty_rows};
 use super::mapping;
 use super::numbers::{self, Cell, Decimal};
 use super::series::{Series, Understood, UnderstoodColumn};
@@ -17,7 +17,7 @@ use super::{
     Hints, Quantity, Request, doubts, encoding, fractions, kind, mat, mat_hdf5, names, other_times, own_names, rates,
     reshaped, status, workbook,
 };
-use crate::error::{Error, Result, shown};
+use crate::error::{Error, shown};
 use crate::files::table::Column;
 
 /// Bytes from which the kind of a file is found.
@@ -31,22 +31,23 @@ const MAX_OWN_FILE: u64 = 1 << 33;
 /// # Errors
 ///
 /// [`Error`] naming file and line, the cause and what to do.
-pub fn read(path: &Path, mut file: File, request: &Request<'_>, hints: &Hints) -> Result<Series> {
+pub fn read(path: &Path, mut file: File, request: &Request<'_>, hints: &Hints) -> Result<Series, Error> {
     let unreadable = |error: std::io::Error| Error::file(path, error);
+    let refused = |cause: String| Error::file(path, cause);
     let mut bytes = Vec::new();
     file.by_ref().take(HEAD).read_to_end(&mut bytes).map_err(unreadable)?;
     let own = hints.allow_own_names() && has_own_names(&String::from_utf8_lossy(&bytes), request);
-    let kind = if own { kind::Kind::Text } else { kind::detect(&bytes).map_err(|cause| Error::file(path, cause))? };
+    let kind = if own { kind::Kind::Text } else { kind::detect(&bytes).map_err(refused)? };
     let text_end = encoding::without_zeros(&bytes);
     if !own && kind == kind::Kind::Text && (text_end == 0 || bytes[..text_end].contains(&0)) {
         // Before a gigabyte of it is read.
-        encoding::readings(&bytes).map_err(|cause| Error::file(path, cause))?;
+        encoding::readings(&bytes).map_err(refused)?;
     }
     let most = if own { MAX_OWN_FILE } else { MAX_FILE };
     file.take(most).read_to_end(&mut bytes).map_err(unreadable)?;
     if bytes.len() as u64 >= most {
         let cause = format!("more than {} MiB; export it as CSV with the names of recordings, or in parts", most >> 20);
-        return Err(Error::file(path, cause));
+        return Err(refused(cause));
     }
     if hints.sheet.is_some() && kind != kind::Kind::Workbook {
         return Err(Error::field("sheet", format!("{} is no workbook", shown(path))));
@@ -54,14 +55,14 @@ pub fn read(path: &Path, mut file: File, request: &Request<'_>, hints: &Hints) -
     let zeros = if kind == kind::Kind::Text { bytes.len() - encoding::without_zeros(&bytes) } else { 0 };
     bytes.truncate(bytes.len() - zeros);
     let series = match kind {
-        _ if own => own_names(path, bytes, request, hints),
-        kind::Kind::Text => text(path, &bytes, request, hints),
-        kind::Kind::Workbook => spreadsheet(path, bytes, request, hints),
-        kind::Kind::Mat => variables(path, mat::contents(&bytes), request, hints),
-        kind::Kind::OldMat => variables(path, mat::contents_of_version_4(&bytes), request, hints),
-        kind::Kind::MatHdf5 => variables(path, mat_hdf5::contents(bytes), request, hints),
+        _ if own => own_names(bytes, request, hints),
+        kind::Kind::Text => text(&bytes, request, hints),
+        kind::Kind::Workbook => spreadsheet(bytes, request, hints),
+        kind::Kind::Mat => variables(mat::contents(&bytes), request, hints),
+        kind::Kind::OldMat => variables(mat::contents_of_version_4(&bytes), request, hints),
+        kind::Kind::MatHdf5 => variables(mat_hdf5::contents(bytes), request, hints),
     };
-    let mut series = series?;
+    let mut series = named(path, series)?;
     if zeros > 0 {
         let note = "the file ends with zero bytes, as after a loss of power: rows may be missing at its end";
         series.understood.notes.push(note.into());
@@ -70,10 +71,25 @@ pub fn read(path: &Path, mut file: File, request: &Request<'_>, hints: &Hints) -
 }
 
 /// Reads CSV text with the names of this tool; `path` is what errors name.
-pub fn from_csv(path: &Path, mut csv: impl Read, request: &Request<'_>) -> Result<Series> {
+pub fn from_csv(path: &Path, mut csv: impl Read, request: &Request<'_>) -> Result<Series, Error> {
     let mut bytes = Vec::new();
     csv.read_to_end(&mut bytes).map_err(|error| Error::file(path, error))?;
-    own_names(path, bytes, request, &Hints::default())
+    named(path, own_names(bytes, request, &Hints::default()))
+}
+
+/// Names the file at `path` in what was read of it, or in the error.
+fn named(path: &Path, read: Result<Series, Fault>) -> Result<Series, Error> {
+    let mut series = read.map_err(|(line, cause)| match line {
+        0 => Error::file(path, cause),
+        line => Error::line(path, line, cause),
+    })?;
+    series.understood.file = shown(path);
+    Ok(series)
+}
+
+/// The fault of a file as a whole.
+fn of_file(cause: impl Into<String>) -> Fault {
+    (0, cause.into())
 }
 
 /// Whether a text that begins with `head` has the names of this tool for what is needed, with numbers below them. Decimal commas in
@@ -94,23 +110,22 @@ fn has_own_names(head: &str, request: &Request<'_>) -> bool {
 }
 
 /// Reads CSV text with the names of this tool. Programs that join files leave more than one byte order mark.
-fn own_names(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints) -> Result<Series> {
+fn own_names(bytes: Vec<u8>, request: &Request<'_>, hints: &Hints) -> Result<Series, Fault> {
     let text = String::from_utf8(bytes).unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned());
     let text = text.trim_start_matches(MARK);
-    let table = TextTable::below_names(text).map_err(|(line, cause)| at(path, line, cause))?;
-    let line = table.head.line;
-    let own = own_names::own(&table.titles(), request).map_err(|cause| at(path, line, cause))?;
+    let table = TextTable::below_names(text)?;
+    let own = own_names::own(&table.titles(), request).map_err(|cause| (table.head.line, cause))?;
     let source = Source::Text("text (UTF-8)".into(), Box::new(table));
-    let chosen = own.map_or_else(|| map(path, &source, request, hints), Ok)?;
-    extract(path, &source, &chosen, hints)
+    let chosen = own.map_or_else(|| map(&source, request, hints), Ok)?;
+    extract(&source, &chosen, hints)
 }
 
 /// A byte order mark.
 const MARK: char = '\u{feff}';
 
 /// Reads text; in each of the encodings that it may be in.
-fn text(path: &Path, bytes: &[u8], request: &Request<'_>, hints: &Hints) -> Result<Series> {
-    let decoded = encoding::readings(bytes).map_err(|cause| Error::file(path, cause))?;
+fn text(bytes: &[u8], request: &Request<'_>, hints: &Hints) -> Result<Series, Fault> {
+    let decoded = encoding::readings(bytes).map_err(of_file)?;
     let texts: Vec<(String, Cow<'_, str>)> = decoded
         .iter()
         .map(|decoded| match reshaped::transposed(&decoded.text, names::is_time) {
@@ -121,7 +136,7 @@ fn text(path: &Path, bytes: &[u8], request: &Request<'_>, hints: &Hints) -> Resu
     let mut understood: Vec<(Source<'_>, Vec<Chosen>)> = Vec::new();
     let mut fault = None;
     for (format, text) in &texts {
-        match table(path, format, text, &hints.dialect(), request, hints) {
+        match table(format, text, &hints.dialect(), request, hints) {
             Ok(reading) => understood.push(reading),
             Err(error) => fault = Some(error),
         }
@@ -145,55 +160,52 @@ fn text(path: &Path, bytes: &[u8], request: &Request<'_>, hints: &Hints) -> Resu
                 let names: Vec<&str> = chosen.iter().map(|column| titles[column.index].name.as_str()).collect();
                 format!("{}: {}", source.format(), names.join(", "))
             };
-            let cause = format!(
+            Err(of_file(format!(
                 "can be read in two ways: {}; or {}; save it as UTF-8, or name the columns by number with `columns`",
                 shown(first, one),
                 shown(second, other)
-            );
-            Err(Error::file(path, cause))
+            )))
         }
         // More columns that are known by their names: the better reading of the letters.
         (None, readings, _) => {
             let best = readings.iter().rev().max_by_key(|(_, chosen)| by_name(chosen));
-            let (source, chosen) = best.ok_or_else(|| Error::file(path, "no text"))?;
-            extract(path, source, chosen, hints)
+            let (source, chosen) = best.ok_or_else(|| of_file("no text"))?;
+            extract(source, chosen, hints)
         }
     }
 }
 
 /// The table in `text`, and its columns.
 fn table<'a>(
-    path: &Path,
     format: &str,
     text: &'a str,
     dialect: &Dialect<'_>,
     request: &Request<'_>,
     hints: &Hints,
-) -> Result<(Source<'a>, Vec<Chosen>)> {
-    let find = |dialect: &Dialect<'_>| TextTable::find(text, dialect).map_err(|(line, cause)| at(path, line, cause));
+) -> Result<(Source<'a>, Vec<Chosen>), Fault> {
+    let find = |dialect: &Dialect<'_>| TextTable::find(text, dialect);
     // A single column is a table where the preamble states its rate.
     let states_rate = |table: &TextTable<'_>| table.head.interval.is_some();
     let table = find(dialect)
         .or_else(|error| find(&Dialect { single: true, ..*dialect }).ok().filter(states_rate).ok_or(error))?;
     let source = Source::Text(format.into(), Box::new(table));
-    let chosen = map(path, &source, request, hints)?;
+    let chosen = map(&source, request, hints)?;
     Ok((source, chosen))
 }
 
 /// Reads the spreadsheet of a workbook that is understood.
-fn spreadsheet(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints) -> Result<Series> {
-    let sheets =
-        workbook::sheets(bytes, hints.sheet.as_deref(), hints.decimal).map_err(|cause| Error::file(path, cause))?;
+fn spreadsheet(bytes: Vec<u8>, request: &Request<'_>, hints: &Hints) -> Result<Series, Fault> {
+    let sheets = workbook::sheets(bytes, hints.sheet.as_deref(), hints.decimal).map_err(of_file)?;
     let mut found = Vec::new();
     let (mut fault, mut has_rows) = (None, false);
     let mut unread = Vec::new();
     for sheet in &sheets {
         let dialect = Dialect { sheet: Some(&sheet.ambiguous), ..hints.dialect() };
-        match table(path, &format!("spreadsheet {:?}", sheet.name), &sheet.text, &dialect, request, hints) {
+        match table(&format!("spreadsheet {:?}", sheet.name), &sheet.text, &dialect, request, hints) {
             Ok(reading) => found.push((&sheet.name, reading)),
             Err(error) => {
                 // A sheet of notes has no rows of numbers; that of another is the fault.
-                let of_rows = TextTable::find(&sheet.text, &dialect).is_ok() || matches!(error, Error::Line { .. });
+                let of_rows = TextTable::find(&sheet.text, &dialect).is_ok() || error.0 > 0;
                 if fault.is_none() || (of_rows && !has_rows) {
                     fault = Some(error);
                 }
@@ -204,7 +216,7 @@ fn spreadsheet(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints
     }
     match (found.as_slice(), fault) {
         ([(_, (source, chosen))], _) => {
-            let mut series = extract(path, source, chosen, hints)?;
+            let mut series = extract(source, chosen, hints)?;
             if !unread.is_empty() {
                 let note = format!("rows of numbers in the spreadsheets {} are not read", unread.join(", "));
                 series.understood.notes.push(note);
@@ -212,64 +224,47 @@ fn spreadsheet(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints
             Ok(series)
         }
         ([], Some(fault)) if has_rows => Err(fault),
-        ([], _) => Err(Error::file(path, "a workbook without rows of numbers below a header")),
+        ([], _) => Err(of_file("a workbook without rows of numbers below a header")),
         (several, _) => {
             let names: Vec<String> = several.iter().map(|(name, ..)| format!("{name:?}")).collect();
-            let cause = format!(
-                "{} spreadsheets may be meant: {}; choose one with `sheet` NAME",
-                names.len(),
-                names.join(", ")
-            );
-            Err(Error::file(path, cause))
+            let (count, names) = (names.len(), names.join(", "));
+            Err(of_file(format!("{count} spreadsheets may be meant: {names}; choose one with `sheet` NAME")))
         }
     }
 }
 
 /// Reads variables of MATLAB.
-fn variables(
-    path: &Path,
-    contents: std::result::Result<mat::Contents, String>,
-    request: &Request<'_>,
-    hints: &Hints,
-) -> Result<Series> {
-    let fault = |cause: String| Error::file(path, cause);
-    let contents = contents.map_err(fault)?;
+fn variables(contents: Result<mat::Contents, String>, request: &Request<'_>, hints: &Hints) -> Result<Series, Fault> {
+    let contents = contents.map_err(of_file)?;
     if contents.series.is_empty() {
-        let cause = match contents.objects.first() {
-            Some(name) => format!(
+        return Err(match contents.objects.first() {
+            Some(name) => of_file(format!(
                 "{name:?} is an object, such as a table or a timeseries, which only MATLAB can read; write it with writetable, \
                  or save vectors or a structure of them"
-            ),
-            None => "no series of numbers; save vectors of time, voltage and displacement".into(),
-        };
-        return Err(fault(cause));
+            )),
+            None => of_file("no series of numbers; save vectors of time, voltage and displacement"),
+        });
     }
     let skipped: Vec<String> =
         contents.skipped.iter().map(|name| format!("{name} is complex or sparse and is not read")).collect();
     let source = Source::Series(contents.series);
-    let chosen = map(path, &source, request, hints).map_err(|error| match error {
-        Error::File { path, cause } if !skipped.is_empty() => {
-            Error::file(&path, format!("{cause}; {}", skipped.join("; ")))
-        }
+    let chosen = map(&source, request, hints).map_err(|error| match error {
+        (0, cause) if !skipped.is_empty() => of_file(format!("{cause}; {}", skipped.join("; "))),
         other => other,
     })?;
-    let mut series = extract(path, &source, &chosen, hints)?;
+    let mut series = extract(&source, &chosen, hints)?;
     series.understood.notes.extend(skipped);
     Ok(series)
 }
 
-fn at(path: &Path, line: u64, cause: String) -> Error {
-    if line == 0 { Error::file(path, cause) } else { Error::line(path, line, cause) }
-}
-
-fn map(path: &Path, source: &Source<'_>, request: &Request<'_>, hints: &Hints) -> Result<Vec<Chosen>> {
+fn map(source: &Source<'_>, request: &Request<'_>, hints: &Hints) -> Result<Vec<Chosen>, Fault> {
     let line = source.head().map_or(0, |head| head.line);
     let times = match (hints.rate_hz, source.head().and_then(|head| head.interval.as_ref())) {
         (Some(_), _) => Origin::Person,
         (None, Some(_)) => Origin::Preamble,
         (None, None) => Origin::Column,
     };
-    mapping::map(&source.titles(), request, &hints.choices, times).map_err(|cause| at(path, line, cause))
+    mapping::map(&source.titles(), request, &hints.choices, times).map_err(|cause| (line, cause))
 }
 
 /// The interval of the rows, s, where a person or the preamble states it.
@@ -277,16 +272,12 @@ fn map(path: &Path, source: &Source<'_>, request: &Request<'_>, hints: &Hints) -
 /// # Errors
 ///
 /// The line and the cause where it is needed and not certain.
-fn interval_s(
-    source: &Source<'_>,
-    chosen: &[Chosen],
-    hints: &Hints,
-) -> std::result::Result<Option<f64>, (u64, String)> {
+fn interval_s(reading: Reading<'_>, hints: &Hints) -> Result<Option<f64>, Fault> {
     if let Some(rate_hz) = hints.rate_hz {
         return Ok(Some(1.0 / rate_hz));
     }
-    let Some(stated) = source.head().and_then(|head| head.interval.clone()) else { return Ok(None) };
-    match (stated, chosen.iter().find(|column| column.quantity == Quantity::Time)) {
+    let Some(stated) = reading.source.head().and_then(|head| head.interval.clone()) else { return Ok(None) };
+    match (stated, reading.time()) {
         (Ok(interval_s), _) => Ok(Some(interval_s)),
         (Err(question), None) => Err(*question),
         (Err(question), Some(time)) if time.by == By::Preamble => {
@@ -298,24 +289,24 @@ fn interval_s(
 }
 
 /// The `chosen` columns in SI units.
-fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -> Result<Series> {
+fn extract(source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -> Result<Series, Fault> {
     let titles = source.titles();
     let mut chosen = chosen.to_vec();
     for column in chosen.iter_mut().filter(|column| hints.invert && column.quantity == Quantity::Displacement) {
         column.factor = -column.factor;
     }
-    let indices: Vec<usize> = chosen.iter().map(|column| column.index).collect();
+    let reading = Reading { source, chosen: &chosen, titles: &titles };
     let names: Vec<String> = chosen.iter().map(|column| column.name(&titles)).collect();
     let may_repeat = hints.repeated_times.is_some();
     // What all rows together show is no fault of one of them.
-    let of_all = |(line, cause)| Error::file(path, format!("line {line}: {cause}"));
-    let mut doubt = doubts::refuse_cells(source, &chosen, &titles, may_repeat).err();
-    let interval_s = interval_s(source, &chosen, hints).map_err(|(line, cause)| at(path, line, cause))?;
-    let mut times = Times::new(interval_s, hints.repeated_times.is_some(), source.starts());
+    let of_all = |(line, cause)| of_file(format!("line {line}: {cause}"));
+    let mut doubt = doubts::refuse_cells(reading, may_repeat).err();
+    let mut times = Times::new(interval_s(reading, hints)?, may_repeat, source.starts());
     let mut columns: Vec<Column> = names.iter().map(|name| Column::empty(name.clone())).collect();
     let mut out_of_range = vec![0; chosen.len()];
-    let fractions = fractions::beside(source, &chosen, &titles).map_err(|(line, cause)| at(path, line, cause))?;
-    let read: Vec<usize> = indices.iter().copied().chain(fractions.iter().map(|fraction| fraction.index)).collect();
+    let fractions = fractions::beside(reading)?;
+    let indices = chosen.iter().map(|column| column.index);
+    let read: Vec<usize> = indices.chain(fractions.iter().map(|fraction| fraction.index)).collect();
     let read_rows = source
         .each(&read, |line, values| {
             // The fault of a row comes before what is doubtful behind it.
@@ -327,7 +318,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
                 _ => 0.0,
             };
             let fraction_s = values[chosen.len()..].iter().zip(&fractions).map(of_second).sum();
-            if chosen.first().is_none_or(|column| column.quantity != Quantity::Time) {
+            if reading.time().is_none() {
                 times.count();
             }
             for (place, Chosen { quantity, factor, .. }) in chosen.iter().enumerate() {
@@ -345,15 +336,15 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
             Ok(())
         })
         .and_then(|()| doubt.map_or(Ok(()), Err));
-    if let (Source::Text(_, table), None) = (source, chosen.iter().find(|column| column.quantity == Quantity::Time))
+    if let (Source::Text(_, table), None) = (source, reading.time())
         && let Some((line, _)) = empty_rows(&table.segments)
     {
         let cause = "an empty row, where rows have no times: was a reading missed? Fill it, or remove it if not";
-        return Err(at(path, line, cause.into()));
+        return Err((line, cause.into()));
     }
     let until = read_rows.as_ref().err().map_or(u64::MAX, |(line, _)| *line);
-    doubts::refuse_commas(source, &chosen, &titles, until).map_err(of_all)?;
-    read_rows.map_err(|(line, cause)| at(path, line, cause))?;
+    doubts::refuse_commas(reading, until).map_err(of_all)?;
+    read_rows?;
     let mut used: Vec<UnderstoodColumn> = chosen
         .iter()
         .zip(&names)
@@ -368,17 +359,17 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
         .collect();
     let without_unit = used.iter_mut().find(|c| c.quantity == Quantity::Time && c.by == By::Preamble);
     let named = without_unit.as_ref().map(|column| (column.column, column.name.as_str()));
-    let (clock_s, unit) = times.finish(named, || source.runs()).map_err(|cause| Error::file(path, cause))?;
+    let (clock_s, unit) = times.finish(named, || source.runs()).map_err(of_file)?;
     if let (Some(column), Some(unit)) = (without_unit, unit) {
         (column.unit, column.factor) = (unit.name.into(), unit.factor);
     }
-    doubts::refuse_rows(source, &chosen, &titles, &clock_s).map_err(of_all)?;
+    doubts::refuse_rows(reading, &clock_s).map_err(of_all)?;
     let columns = chosen.iter().map(|column| column.quantity).zip(columns);
     let columns = columns.filter(|(quantity, column)| *quantity != Quantity::Time && column.has_values()).collect();
     let head = source.head();
     let is_ignored = |index: &usize| !read.contains(index);
     let understood = Understood {
-        file: shown(path),
+        file: String::new(),
         format: source.format(),
         header_line: head.map_or(0, |head| head.line),
         preamble_lines: head.map_or(0, |head| head.preamble),
@@ -401,15 +392,15 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     notes
         .extend(fractions.iter().map(|f| format!("{:?} is added to the times of day beside it", titles[f.index].name)));
     if let Some(meaning) = hints.repeated_times {
-        rates::refuse_repeated(&series.clock_s, meaning, &chosen, &titles).map_err(|cause| Error::file(path, cause))?;
+        rates::refuse_repeated(reading, &series.clock_s, meaning).map_err(of_file)?;
         series.without_repeated_times(meaning);
     }
     if let Some(filled) = hints.fill.map(|fill| series.fill(fill)).filter(|filled| *filled > 0) {
         notes.push(format!("{filled} empty cells of what drives the film are filled"));
     }
-    notes.extend(other_times::remarks(source, &chosen, &titles));
-    notes.extend(status::remarks(source, &chosen, &titles));
-    notes.extend(rates::remarks(source, &chosen, &titles, &series.clock_s));
+    notes.extend(other_times::remarks(reading));
+    notes.extend(status::remarks(reading));
+    notes.extend(rates::remarks(reading, &series.clock_s));
     if hints.rate_hz.is_some() && hints.choices.get(Quantity::Time).is_none() {
         let unused = (0..titles.len()).filter(is_ignored).find(|index| names::is_time(&titles[*index].name));
         notes.extend(unused.map(|index| {
@@ -418,8 +409,8 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     }
     series.understood.notes = notes;
     match series.clock_s.len() {
-        0 => Err(Error::file(path, "no data rows; a recording needs at least 2")),
-        1 => Err(Error::file(path, "1 data row; a recording needs at least 2")),
+        0 => Err(of_file("no data rows; a recording needs at least 2")),
+        1 => Err(of_file("1 data row; a recording needs at least 2")),
         _ => Ok(series),
     }
 }

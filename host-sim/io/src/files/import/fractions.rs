@@ -1,10 +1,11 @@
 //! Columns of milliseconds beside times of day.
 
 use super::Quantity;
-use super::chosen::{By, Chosen};
+use super::chosen::{By, Reading};
 use super::clock;
+use super::lines::Fault;
 use super::names::{Title, UnitSense, unit_cell};
-use super::source::{Source, Value};
+use super::source::Value;
 
 /// Column of a part of the seconds that are in a column of times of day.
 #[derive(Clone, Copy, Debug)]
@@ -15,14 +16,14 @@ pub struct Fraction {
     pub unit_s: f64,
 }
 
-/// The columns right of the `chosen` times of day that have parts of their seconds. Times with seconds of their own parts have none.
+/// The columns right of the times of day that have parts of their seconds. Times with seconds of their own parts have none.
 ///
 /// # Errors
 ///
 /// The line and the cause where they have more than that.
-pub fn beside(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Result<Vec<Fraction>, (u64, String)> {
-    let is_clock = |column: &&Chosen| column.quantity == Quantity::Time && titles[column.index].clock;
-    let Some(time) = chosen.iter().find(is_clock) else { return Ok(Vec::new()) };
+pub fn beside(reading: Reading<'_>) -> Result<Vec<Fraction>, Fault> {
+    let Reading { source, titles, .. } = reading;
+    let Some(time) = reading.time().filter(|time| titles[time.index].clock) else { return Ok(Vec::new()) };
     let unit = |title: &Title| {
         let text = if title.name.is_empty() { title.unit.as_deref().unwrap_or_default() } else { &title.name };
         match unit_cell(text, false) {

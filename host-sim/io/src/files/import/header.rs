@@ -2,6 +2,7 @@
 
 use super::beginnings::Beginnings;
 use super::interval::{self, Stated};
+use super::lines::Fault;
 use super::names::{Title, UnitSense, unit_cell};
 use super::numbers::{self, Cell, Decimal};
 
@@ -81,7 +82,7 @@ fn key(cell: &str) -> Option<Key> {
 /// # Errors
 ///
 /// The line and the cause where a row between names and numbers is neither.
-pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Head, (u64, String)> {
+pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Head, Fault> {
     let rows: Vec<&TopRow> =
         above.iter().filter(|row| (!row.comment || forced == Some(row.line)) && !row.cells.is_empty()).collect();
     let with_key = |wanted: Key| rows.iter().rev().find(|row| key(&row.cells[0]) == Some(wanted)).copied();

@@ -4,6 +4,7 @@
 
 use super::Quantity;
 use super::beside::{self, Beside};
+use super::lines::Fault;
 use super::names::{UnitSense, unit_cell};
 use super::numbers::{self, Decimal};
 use super::preamble::{common_unit, hertz, is_one_of, name_and_rest, time_unit};
@@ -11,7 +12,7 @@ use super::units::Unit;
 use crate::terminal::rounded;
 
 /// The interval, s, or the line and the cause where it is not certain.
-pub type Stated = Result<f64, Box<(u64, String)>>;
+pub type Stated = Result<f64, Box<Fault>>;
 
 /// Names of an interval of the rows, in small letters, with blanks for underlines, and commas between them.
 const INTERVALS: &str = "delta x, sample interval, sampling interval, sample period, sampling period, sampling time, sampling cycle, \

@@ -3,6 +3,12 @@
 use super::numbers::{self, Cell, Decimal};
 use super::separator::Separator;
 
+/// A line (0 for the whole file), and why it cannot be used.
+pub type Fault = (u64, String);
+
+/// The line of a row, and its cells.
+pub type Row<'a> = (u64, Vec<&'a str>);
+
 /// Longest line, in bytes.
 pub const MAX_LINE: usize = 1 << 16;
 
@@ -28,7 +34,7 @@ impl<'a> Line<'a> {
     /// # Errors
     ///
     /// Its number and why it cannot be used.
-    pub fn cells(&self, separator: Separator) -> Result<Vec<&'a str>, (u64, String)> {
+    pub fn cells(&self, separator: Separator) -> Result<Vec<&'a str>, Fault> {
         if self.text.len() > MAX_LINE {
             let cause = format!("a line of more than {MAX_LINE} characters; this is not a table of numbers");
             return Err((self.number, cause));

@@ -3,7 +3,7 @@
 use super::units::{self, Unit};
 use super::words::{
     DEGREES, DERIVED, DRIVEN, ELSEWHERE, FACTORS, LETTERS, MACHINES, NO_CELSIUS, NO_TIMES, OF_TWO_VOLTAGES, ORDERED,
-    OTHER_UNITS, OTHER_WORDS, SIZES, STEPS, TEMPERATURES, WORDS,
+    OTHER_UNITS, OTHER_WORDS, SIZES, STEPS, TEMPERATURES, WORDS, is_of,
 };
 use super::{Names, Quantity, Request};
 
@@ -152,8 +152,7 @@ fn is_scaled(name: &str) -> bool {
     let begins_in_number = |word: &str| word.starts_with(|c: char| c.is_ascii_digit());
     let words = words(name);
     let is_multiple = |word: &String| {
-        FACTORS.split(' ').any(|factor| factor == word)
-            || (begins_in_number(word) && (word.ends_with("fach") || word.ends_with("fold")))
+        is_of(FACTORS, word) || (begins_in_number(word) && (word.ends_with("fach") || word.ends_with("fold")))
     };
     let is_times = |pair: &[String]| matches!(pair[0].as_str(), "times" | "mal" | "fois") && begins_in_number(&pair[1]);
     if name.contains(['=', '%', '÷', '≙']) || words.iter().any(is_multiple) || words.windows(2).any(is_times) {
@@ -259,15 +258,13 @@ pub(super) fn is_temperature(name: &str) -> bool {
 pub(super) fn is_no_celsius(title: &Title) -> bool {
     let inside = without_brackets(&title.name).1;
     let mut units = inside.iter().map(String::as_str).chain(title.unit.as_deref()).map(str::trim);
-    units.any(|unit| NO_CELSIUS.split(' ').any(|other| other == unit) || unit.contains(|c: char| c.is_ascii_digit()))
+    units.any(|unit| is_of(NO_CELSIUS, unit) || unit.contains(|c: char| c.is_ascii_digit()))
 }
 
 /// Whether the `title` of a displacement may be that of a machine or a stage, and not of the sensor with the title `sensor`.
 pub(super) fn is_of_machine(title: &Title, sensor: &Title) -> bool {
-    let of_machine = || MACHINES.split(' ');
-    let [title, sensor] = [title, sensor].map(|title| words(&title.name));
-    of_machine().any(|word| title.iter().any(|other| other == word))
-        && !of_machine().any(|word| sensor.iter().any(|other| other == word))
+    let is_of_one = |title: &Title| words(&title.name).iter().any(|word| is_of(MACHINES, word));
+    is_of_one(title) && !is_of_one(sensor)
 }
 
 /// Whether `name` has a word for an amplifier, its command or its monitor, or what it drives, and none for its current. Any instrument
@@ -334,7 +331,7 @@ fn sense_of(text: &str, capitals: bool) -> UnitSense {
 
 /// Whether `text` is a unit of a quantity that a recording does not have.
 pub(super) fn is_other_unit(text: &str) -> bool {
-    OTHER_UNITS.split(' ').any(|unit| unit == text.to_lowercase())
+    is_of(OTHER_UNITS, &text.to_lowercase())
 }
 
 impl UnitSense {
@@ -458,7 +455,7 @@ fn without_brackets(title: &str) -> (String, Vec<String>) {
 /// The quantity of a name of one letter.
 fn letter_quantity(name: &str) -> Option<Quantity> {
     let name = name.trim().to_lowercase();
-    LETTERS.iter().find(|(_, letters)| letters.split(' ').any(|letter| letter == name)).map(|(quantity, _)| *quantity)
+    LETTERS.iter().find(|(_, letters)| is_of(letters, &name)).map(|(quantity, _)| *quantity)
 }
 
 /// The quantity of a `name` with a `unit`: u and v in a unit of length are displacements in mechanics, so they name nothing.

@@ -1,5 +1,7 @@
 //! Numbers as they are written in text.
 
+use super::words::is_of;
+
 crate::choice! {
     /// The sign between whole and broken part of a number.
     pub enum Decimal {
@@ -45,10 +47,6 @@ pub enum Cell<'a> {
 const OUT_OF_RANGE: &str = "∞ inf infinity ol o.l. o.l ovl ovld ovr over overload overrange overflow underflow fffffff 1.#qnan 1.#ind 1.#inf \
     1.#snan #div/0! #value! #num! #ref! ***** invalid err error";
 
-fn is_out_of_range(word: &str) -> bool {
-    OUT_OF_RANGE.split(' ').any(|known| known == word)
-}
-
 /// Numbers that instruments send for infinity and for no number (SCPI).
 const SCPI: std::ops::RangeInclusive<f64> = 9.9e37..=9.91e37;
 
@@ -63,7 +61,7 @@ pub fn cell(text: &str, decimal: Decimal) -> Cell<'_> {
     match text.to_lowercase().as_str() {
         "" | "nan" | "-nan" | "nan(ind)" | "-nan(ind)" | "na" | "n/a" | "#n/a" | "null" | "none" | "-" | "--"
         | "---" => Cell::Nothing,
-        other if is_out_of_range(other.trim_start_matches(['+', '-', '>', '<'])) => Cell::OutOfRange,
+        other if is_of(OUT_OF_RANGE, other.trim_start_matches(['+', '-', '>', '<'])) => Cell::OutOfRange,
         _ => Cell::Text(text),
     }
 }

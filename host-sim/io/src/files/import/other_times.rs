@@ -1,9 +1,8 @@
 //! Columns of times beside the one that is used: of channels that were logged at times of their own.
 
-use super::Quantity;
-use super::chosen::Chosen;
-use super::names::{self, Title};
-use super::source::{Source, Value};
+use super::chosen::Reading;
+use super::names;
+use super::source::Value;
 
 /// A column of times that is not used.
 struct Other {
@@ -14,17 +13,13 @@ struct Other {
     missing: usize,
 }
 
-/// Remarks on columns of `titles` with other times than the `chosen` one has: neither the same ones, nor a constant later, nor in another unit.
-pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Vec<String> {
-    let Some(time) = chosen.first().filter(|column| column.quantity == Quantity::Time) else { return Vec::new() };
-    let is_time = |title: &Title| title.increases && names::may_be_time(title);
-    let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
-    let mut others: Vec<Other> = titles
-        .iter()
-        .enumerate()
-        .filter(|(index, title)| !is_used(*index) && is_time(title))
-        .map(|(index, _)| Other { index, ends: None, missing: 0 })
-        .collect();
+/// Remarks on columns with other times than the one that is used: neither the same ones, nor a constant later, nor in another unit.
+pub fn remarks(reading: Reading<'_>) -> Vec<String> {
+    let Reading { source, titles, .. } = reading;
+    let Some(time) = reading.time() else { return Vec::new() };
+    let is_time = |index: &usize| titles[*index].increases && names::may_be_time(&titles[*index]);
+    let others = reading.others().into_iter().filter(is_time);
+    let mut others: Vec<Other> = others.map(|index| Other { index, ends: None, missing: 0 }).collect();
     if others.is_empty() || titles[time.index].clock {
         return Vec::new();
     }

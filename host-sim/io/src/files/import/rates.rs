@@ -1,9 +1,10 @@
 //! Rates of rows that contradict what the file says of them, or that no film is recorded at.
 
-use super::chosen::Chosen;
+use super::RepeatedTimes;
+use super::chosen::Reading;
 use super::names::Title;
-use super::source::{Source, Value};
-use super::{Quantity, RepeatedTimes};
+use super::source::Value;
+use super::words::is_of;
 use crate::terminal::rounded;
 
 /// Words for numbers of rows.
@@ -24,15 +25,10 @@ fn words(title: &Title) -> Vec<String> {
 
 /// Why the times of rows that repeat them cannot be changed as `meaning` has it: they are all one, or the column right of them may have the
 /// rest.
-pub fn refuse_repeated(
-    clock_s: &[f64],
-    meaning: RepeatedTimes,
-    chosen: &[Chosen],
-    titles: &[Title],
-) -> Result<(), String> {
-    let index = chosen.first().filter(|column| column.quantity == Quantity::Time).map_or(0, |time| time.index + 1);
+pub fn refuse_repeated(reading: Reading<'_>, clock_s: &[f64], meaning: RepeatedTimes) -> Result<(), String> {
+    let index = reading.time().map_or(0, |time| time.index + 1);
     let is_part = |word: &String| PARTS.split(' ').any(|part| word.starts_with(part));
-    if let Some(title) = titles.get(index).filter(|title| words(title).iter().any(is_part)) {
+    if let Some(title) = reading.titles.get(index).filter(|title| words(title).iter().any(is_part)) {
         return Err(format!(
             "rows of one time may have the rest of it in column {} {:?}; add both to one column of times, or remove it",
             index + 1,
@@ -46,7 +42,7 @@ pub fn refuse_repeated(
 }
 
 /// Remarks on the times of the rows, s: on their rate, on that which the lines above them state, and on rows that are numbered and not all there.
-pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], clock_s: &[f64]) -> Vec<String> {
+pub fn remarks(reading: Reading<'_>, clock_s: &[f64]) -> Vec<String> {
     let mut notes: Vec<String> = row_apart(clock_s).into_iter().collect();
     let mut steps_s: Vec<f64> = clock_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps_s.sort_by(f64::total_cmp);
@@ -55,8 +51,8 @@ pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], clock_s
     if clock_s.len() >= MIN_ROWS && !USUAL_HZ.contains(&(1.0 / step_s)) {
         notes.push(format!("the rows are at {rate} Hz, which is unusual: are the times in another unit?"));
     }
-    let stated = source.head().and_then(|head| head.interval.as_ref()?.as_ref().ok());
-    let has_times = chosen.iter().any(|column| column.quantity == Quantity::Time);
+    let stated = reading.source.head().and_then(|head| head.interval.as_ref()?.as_ref().ok());
+    let has_times = reading.time().is_some();
     match stated {
         Some(stated_s) if has_times && (step_s / stated_s - 1.0).abs() > 0.02 => {
             let stated = rounded(1.0 / stated_s);
@@ -64,17 +60,17 @@ pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], clock_s
                 "the times have rows at {rate} Hz, the lines above them state {stated} Hz: one may be in another unit"
             ));
         }
-        _ if !has_times => notes.extend(numbered(source, chosen, titles, step_s)),
+        _ if !has_times => notes.extend(numbered(reading, step_s)),
         _ => {}
     }
     notes
 }
 
 /// Where a column numbers the rows, which are `step_s` apart (s), and not by one.
-fn numbered(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], step_s: f64) -> Option<String> {
-    let is_used = |index: usize| chosen.iter().any(|column| column.index == index);
-    let is_number = |word: &String| NUMBERS.split(' ').any(|known| known == word);
-    let index = (0..titles.len()).find(|&index| !is_used(index) && words(&titles[index]).iter().any(is_number))?;
+fn numbered(reading: Reading<'_>, step_s: f64) -> Option<String> {
+    let Reading { source, titles, .. } = reading;
+    let is_number = |word: &String| is_of(NUMBERS, word);
+    let index = reading.others().into_iter().find(|index| words(&titles[*index]).iter().any(is_number))?;
     let (mut last, mut jump, mut is_count) = (None, None, true);
     // The rows were read before.
     let _ = source.each(&[index], |line, values| {

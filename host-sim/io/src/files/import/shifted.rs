@@ -1,8 +1,8 @@
 //! Rows whose cells are not below their names.
 
-use super::chosen::Chosen;
+use super::chosen::Reading;
 use super::clock;
-use super::lines::Line;
+use super::lines::{Fault, Line, Row};
 use super::names::{self, Title};
 use super::numbers::{self, Decimal};
 use super::separator::Separator;
@@ -27,12 +27,7 @@ pub fn more_cells(row: &str, cells: usize, titles: usize, separator: Separator) 
 }
 
 /// Refuses rows of `columns` cells below a header of fewer `titles`.
-pub fn refuse_shifted(
-    titles: usize,
-    row: &Line<'_>,
-    columns: usize,
-    separator: Separator,
-) -> Result<(), (u64, String)> {
+pub fn refuse_shifted(titles: usize, row: &Line<'_>, columns: usize, separator: Separator) -> Result<(), Fault> {
     let has_more = || separator.split(row.text)[titles..].iter().any(|cell| !cell.is_empty());
     if titles > 0 && columns > titles && has_more() {
         return Err((row.number, more_cells(row.text, columns, titles, separator)));
@@ -41,7 +36,7 @@ pub fn refuse_shifted(
 }
 
 /// Refuses rows without names of which the first counts the columns: it may be their names.
-pub fn refuse_counted(rows: &[Line<'_>], separator: Separator) -> Result<(), (u64, String)> {
+pub fn refuse_counted(rows: &[Line<'_>], separator: Separator) -> Result<(), Fault> {
     let counts = |row: &Line<'_>| {
         let cells: Vec<&str> = separator.split(row.text).into_iter().skip_while(|cell| cell.is_empty()).collect();
         let first: Option<usize> = cells.first().and_then(|cell| cell.parse().ok());
@@ -64,12 +59,7 @@ pub fn refuse_counted(rows: &[Line<'_>], separator: Separator) -> Result<(), (u6
 
 /// Refuses a table whose first row has this number where several of `lines` above it, behind that of the names if it is known, are rows of
 /// numbers between another separator.
-pub fn refuse_other_separator(
-    lines: &[Line<'_>],
-    names: u64,
-    first: u64,
-    separator: Separator,
-) -> Result<(), (u64, String)> {
+pub fn refuse_other_separator(lines: &[Line<'_>], names: u64, first: u64, separator: Separator) -> Result<(), Fault> {
     const MIN_ROWS: usize = 3;
     let above = || lines.iter().filter(|line| (names + 1..first).contains(&line.number));
     let is_number = |cell: &&str| numbers::is_plain(cell);
@@ -102,15 +92,12 @@ pub fn fewer_cells(cells: usize, columns: usize) -> String {
     )
 }
 
-/// The line and the cause where a comma may be a decimal sign as well as a separator: a cell that `is_used` begins with a zero.
-pub fn by_fraction<'a>(
-    mut rows: impl Iterator<Item = (u64, Vec<&'a str>)>,
-    is_used: impl Fn(usize) -> bool,
-) -> Option<(u64, String)> {
+/// The line and the cause where a comma may be a decimal sign as well as a separator: a cell that is read begins with a zero.
+pub fn by_fraction<'a>(mut rows: impl Iterator<Item = Row<'a>>, reading: Reading<'_>) -> Option<Fault> {
     let is_fraction =
         |cell: &str| cell.len() > 1 && cell.starts_with('0') && cell.bytes().all(|byte| byte.is_ascii_digit());
     rows.find_map(|(line, cells)| {
-        let cell = cells.iter().enumerate().find(|(index, cell)| is_used(*index) && is_fraction(cell))?.1;
+        let cell = cells.iter().enumerate().find(|(index, cell)| reading.has(*index) && is_fraction(cell))?.1;
         let cause = format!(
             "{cell:?} may be the digits behind a decimal comma, which shifts the values; export with a decimal point, or separated by \
              semicolons; if it is a number of its own, name the columns by number with `columns`"
@@ -120,22 +107,20 @@ pub fn by_fraction<'a>(
 }
 
 /// The first line and the cause where commas may be the decimal signs or the thousands of all `rows` as well as their separators: they are
-/// shifted by as many cells as there is room for behind the last of `titles` that has a name and `is_used`.
-pub fn into_spare<'a>(
-    mut rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Clone,
-    titles: &[Title],
-    is_used: impl Fn(usize) -> bool,
-) -> Option<(u64, String)> {
-    let named = titles.iter().rposition(|title| !title.name.is_empty())? + 1;
+/// shifted by as many cells as there is room for behind the last column that has a name and is read.
+pub fn into_spare<'a>(mut rows: impl Iterator<Item = Row<'a>> + Clone, reading: Reading<'_>) -> Option<Fault> {
+    let named = reading.titles.iter().rposition(|title| !title.name.is_empty())? + 1;
     let (line, cells) = rows.clone().next()?;
     // Without a cell more than there are names, and values in the last, nothing can be shifted.
     let has_number = |cells: &[&str]| cells.iter().any(|cell| numbers::is_plain(cell));
     let has_room = |cells: &[&str]| {
-        cells.len() > named && (!is_used(named - 1) || has_number(&cells[named..])) && has_number(&cells[named - 1..])
+        cells.len() > named
+            && (!reading.has(named - 1) || has_number(&cells[named..]))
+            && has_number(&cells[named - 1..])
     };
     let is_whole = |cell: &&str| !cell.contains('.');
     let pairs = |cells: &[&str]| cells.windows(2).any(|pair| is_group(pair[0], pair[1]));
-    let is_spare = |(_, cells): (u64, Vec<&str>)| has_room(&cells);
+    let is_spare = |(_, cells): Row<'_>| has_room(&cells);
     let are_whole = || rows.clone().all(|(_, cells)| cells.iter().all(is_whole));
     let are_grouped = || rows.clone().all(|(_, cells)| pairs(&cells));
     let may_shift = has_room(&cells) && (are_whole() || are_grouped());
@@ -149,12 +134,12 @@ pub fn into_spare<'a>(
 
 /// The line and the cause where commas separate the thousands of a number as they separate the cells of `rows`: such rows, and no others,
 /// have that many more numbers than the shortest.
-pub fn by_thousands<'a>(mut rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Clone) -> Option<(u64, String)> {
+pub fn by_thousands<'a>(mut rows: impl Iterator<Item = Row<'a>> + Clone) -> Option<Fault> {
     let filled = |cells: &[&str]| cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
     let fewest = rows.clone().map(|(_, cells)| filled(&cells)).min()?;
     let (longer, _) = rows.clone().find(|(_, cells)| filled(cells) > fewest)?;
     let is_number = |cell: &&&str| numbers::number(cell, Decimal::Point).is_some();
-    let is_shifted = |(_, cells): (u64, Vec<&str>)| {
+    let is_shifted = |(_, cells): Row<'_>| {
         let filled = filled(&cells);
         let more = filled - fewest;
         let groups = cells.windows(2).filter(|pair| is_group(pair[0], pair[1])).count();
@@ -183,14 +168,11 @@ fn is_group(first: &str, second: &str) -> bool {
 
 /// The line and the cause where the first column counts the rows, the second may be the times, and the last has no name: the names may
 /// begin at the second.
-pub fn by_counts<'a>(
-    rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Clone,
-    titles: &[Title],
-) -> Option<(u64, String)> {
+pub fn by_counts<'a>(rows: impl Iterator<Item = Row<'a>> + Clone, titles: &[Title]) -> Option<Fault> {
     let [first, second, .., last] = titles else { return None };
     let (line, cells) = rows.clone().next()?;
     let start: u64 = cells[0].parse().ok().filter(|start| *start < 2)?;
-    let is_whole = |(k, (_, cells)): (u64, (u64, Vec<&str>))| {
+    let is_whole = |(k, (_, cells)): (u64, Row<'_>)| {
         cells[0].parse() == Ok(start + k) && cells.len() == titles.len() && cells.last().is_some_and(|c| !c.is_empty())
     };
     let may_shift = !first.name.is_empty() && last.name.is_empty() && second.increases;
@@ -206,17 +188,14 @@ pub fn by_counts<'a>(
 
 /// The line and the cause where the cells right of times of whole seconds may be their milliseconds, behind a decimal comma, and the last
 /// column, which is not used and has no unit, has room for the cell that is too many.
-pub fn by_milliseconds<'a>(
-    mut rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Clone,
-    titles: &[Title],
-    chosen: &[Chosen],
-) -> Option<(u64, String)> {
+pub fn by_milliseconds<'a>(mut rows: impl Iterator<Item = Row<'a>> + Clone, reading: Reading<'_>) -> Option<Fault> {
     const DIGITS: usize = 3;
-    let time = chosen.first().filter(|column| titles[column.index].clock)?.index;
+    let titles = reading.titles;
+    let time = reading.time().filter(|time| titles[time.index].clock)?.index;
     let end = titles.len().checked_sub(1).filter(|end| *end > time + 1)?;
-    let may_be_remark = !names::may_be_read(&titles[end]) && chosen.iter().all(|column| column.index != end);
+    let may_be_remark = !names::may_be_read(&titles[end]) && !reading.has(end);
     let is_part = names::may_be_time(titles.get(time + 1)?);
-    let may_shift = |(_, cells): (u64, Vec<&str>)| {
+    let may_shift = |(_, cells): Row<'_>| {
         let is_whole = cells.get(time).and_then(|cell| clock::stamp(cell)).is_some_and(|stamp| stamp.is_whole());
         let has_digits = |cell: &&str| cell.len() == DIGITS && cell.bytes().all(|byte| byte.is_ascii_digit());
         is_whole && cells.get(time + 1).is_some_and(has_digits) && cells.get(end).is_some_and(|c| numbers::is_plain(c))

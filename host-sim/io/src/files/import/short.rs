@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::lines::{Fault, Row};
 use super::numbers::{self, Decimal};
 
 /// Refuses rows of fewer cells than most have, and most rows where what they have at their end is of a later column. Rows that end before
@@ -11,11 +12,11 @@ use super::numbers::{self, Decimal};
 ///
 /// The line of a row, and what to do.
 pub fn refuse<'a>(
-    rows: impl Iterator<Item = (u64, Vec<&'a str>)> + Clone,
+    rows: impl Iterator<Item = Row<'a>> + Clone,
     columns: usize,
     last: usize,
     decimal: Decimal,
-) -> Result<(), (u64, String)> {
+) -> Result<(), Fault> {
     let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
     rows.clone().for_each(|(_, cells)| *counts.entry(cells.len().min(columns)).or_default() += 1);
     // The fewest of those that are as frequent.
@@ -30,7 +31,7 @@ pub fn refuse<'a>(
     }
     let lacks_remark =
         |cells: &[&str]| !has_numbers[cells.len()..usual].contains(&true) && cells.last().and_then(number).is_some();
-    let is_short = |(_, cells): &(u64, Vec<&str>)| cells.len() > last && cells.len() < usual && !lacks_remark(cells);
+    let is_short = |(_, cells): &Row<'_>| cells.len() > last && cells.len() < usual && !lacks_remark(cells);
     if let Some((line, cells)) = rows.clone().find(is_short) {
         let cause = format!(
             "{} cells, and most rows have {usual}: a cell or a separator is missing, and the values behind it may be of other columns; leave a \

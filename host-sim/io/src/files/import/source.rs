@@ -2,6 +2,7 @@
 
 use super::clock;
 use super::header::Head;
+use super::lines::Fault;
 use super::mat;
 use super::names::Title;
 use super::numbers::{self, Cell, Decimal};
@@ -91,7 +92,7 @@ impl Source<'_> {
         &self,
         indices: &[usize],
         mut take: impl FnMut(u64, &[Value<'_>]) -> Result<(), String>,
-    ) -> Result<(), (u64, String)> {
+    ) -> Result<(), Fault> {
         match self {
             Self::Text(_, table) => {
                 for row in table.rows() {

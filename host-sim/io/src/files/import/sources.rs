@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::Quantity;
-use super::chosen::Chosen;
+use super::chosen::Reading;
 use super::clock;
+use super::lines::Fault;
 use super::names::{self, Title};
 use super::source::{Source, Value};
 
@@ -89,21 +90,19 @@ impl Sources {
     }
 }
 
-/// Refuses a column at one of the `others` whose names alternate from row to row where a `chosen` column alternates with them.
+/// Refuses a column that is not read whose names alternate from row to row where one that is read alternates with them.
 ///
 /// # Errors
 ///
 /// The column, two of its names and what to do.
-pub fn refuse(source: &Source<'_>, chosen: &[Chosen], titles: &[Title], others: &[usize]) -> Result<(), (u64, String)> {
+pub fn refuse(reading: Reading<'_>) -> Result<(), Fault> {
+    let Reading { source, chosen, titles } = reading;
     let used: Vec<usize> =
         chosen.iter().filter(|column| column.quantity != Quantity::Time).map(|column| column.index).collect();
-    let may_name = |index: &&usize| titles[**index].text || !names::may_be_read(&titles[**index]);
-    let mut columns: Vec<(usize, Sources)> = others
-        .iter()
-        .filter(may_name)
-        .map(|index| Sources::new(*index, &titles[*index], used.len()))
-        .enumerate()
-        .collect();
+    let may_name = |index: &usize| titles[*index].text || !names::may_be_read(&titles[*index]);
+    let others = reading.others().into_iter().filter(may_name);
+    let mut columns: Vec<(usize, Sources)> =
+        others.map(|index| Sources::new(index, &titles[index], used.len())).enumerate().collect();
     if matches!(source, Source::Series(_)) || columns.is_empty() || used.is_empty() {
         return Ok(());
     }

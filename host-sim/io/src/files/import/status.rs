@@ -1,8 +1,8 @@
 //! Columns that say of a few rows that something was wrong, or that the gain of an instrument changed.
 
-use super::chosen::Chosen;
-use super::names::Title;
+use super::chosen::Reading;
 use super::source::{Source, Value};
+use super::words::is_of;
 
 /// Words for what is wrong, and beginnings of them of four letters and more.
 const FAULTS: &str = "err bad nok ng fail fault invalid alarm overrange overflow overload overld ovld saturat timeout lost questionable uncertain \
@@ -14,11 +14,11 @@ const MAX_PART: f64 = 0.5;
 const GAINS: &str = "gain sensitivity scale scaling factor verstärkung empfindlichkeit sensibilité ganancia escala \
     guadagno scala";
 
-/// Remarks on columns that are not `chosen`: rows that are faulty by them, and changes of the gain.
-pub fn remarks(source: &Source<'_>, chosen: &[Chosen], titles: &[Title]) -> Vec<String> {
-    let is_unused = |index: &usize| chosen.iter().all(|column| column.index != *index);
-    let is_seen = |index: &usize| is_unused(index) && (titles[*index].text || is_gain(&titles[*index].name));
-    let indices: Vec<usize> = (0..titles.len()).filter(is_seen).collect();
+/// Remarks on columns that are not read: rows that are faulty by them, and changes of the gain.
+pub fn remarks(reading: Reading<'_>) -> Vec<String> {
+    let Reading { source, titles, .. } = reading;
+    let is_seen = |index: &usize| titles[*index].text || is_gain(&titles[*index].name);
+    let indices: Vec<usize> = reading.others().into_iter().filter(is_seen).collect();
     let of_column = |index: &usize| Found { is_gain: is_gain(&titles[*index].name), ..Found::default() };
     let mut found: Vec<Found> = indices.iter().map(of_column).collect();
     let mut rows = 0;
@@ -94,7 +94,7 @@ impl Found {
 
 fn is_gain(name: &str) -> bool {
     let lower = name.to_lowercase();
-    lower.split(|c: char| !c.is_alphanumeric()).any(|word| GAINS.split_whitespace().any(|gain| gain == word))
+    lower.split(|c: char| !c.is_alphanumeric()).any(|word| is_of(GAINS, word))
 }
 
 fn is_fault(text: &str) -> bool {

@@ -5,7 +5,7 @@ use super::clock;
 use super::cut_off;
 use super::header::{self, Head, TopRow};
 use super::interval;
-use super::lines::{Line, is_comment, is_event, lines};
+use super::lines::{Fault, Line, Row, is_comment, is_event, lines};
 use super::names::Title;
 use super::numbers::{self, Cell, Decimal, Signs};
 use super::runs;
@@ -87,7 +87,7 @@ impl<'a> TextTable<'a> {
     /// # Errors
     ///
     /// Line and cause where the names cannot be read.
-    pub fn below_names(text: &'a str) -> Result<Self, (u64, String)> {
+    pub fn below_names(text: &'a str) -> Result<Self, Fault> {
         let mut rows = lines(text, 1).filter(|line| !is_comment(line.text));
         let end = || Line { number: lines(text, 1).last().map_or(1, |line| line.number + 1), text: "", rest: "" };
         let header = rows.next().unwrap_or_else(end);
@@ -114,7 +114,7 @@ impl<'a> TextTable<'a> {
     /// # Errors
     ///
     /// Line (0 for the whole file) and cause if they are missing, or can be read in two ways.
-    pub fn find(text: &'a str, dialect: &Dialect<'_>) -> Result<Self, (u64, String)> {
+    pub fn find(text: &'a str, dialect: &Dialect<'_>) -> Result<Self, Fault> {
         let lines: Vec<Line<'_>> = lines(text, 1).collect();
         let mut found: Vec<Self> = Vec::new();
         let possible: &[Separator] = if dialect.sheet.is_some() { &[Separator::Tab] } else { &Separator::ALL };
@@ -164,7 +164,7 @@ impl<'a> TextTable<'a> {
         separator: Separator,
         dialect: &Dialect<'_>,
         fewest: usize,
-    ) -> Result<Option<Self>, (u64, String)> {
+    ) -> Result<Option<Self>, Fault> {
         let (comments, rows): (Vec<Line<'a>>, Vec<Line<'a>>) = lines.iter().partition(|line| is_comment(line.text));
         let kinds = |row: &Line<'_>| -> Vec<Kind> {
             separator.split(row.text).into_iter().map(|cell| dialect.kind(cell)).collect()
@@ -297,7 +297,7 @@ impl<'a> TextTable<'a> {
         is_remark: impl Fn(&Line<'_>) -> bool,
         is_header: impl Fn(&Line<'_>) -> bool,
         top: &dyn Fn(&Line<'a>) -> TopRow,
-    ) -> Vec<(u64, (u64, String))> {
+    ) -> Vec<(u64, Fault)> {
         let header = lines.iter().find(|line| line.number == self.head.line).map(|line| line.text.trim());
         let until = |from: usize, to: usize| {
             let whole = rows[from].rest;
@@ -341,9 +341,8 @@ impl<'a> TextTable<'a> {
     /// The first line in which the cells of a column are another unit of the same quantity than before, and both units.
     pub fn mixed_units(&self) -> Option<(u64, [&'static str; 2])> {
         let mut first: Vec<Option<Unit>> = vec![None; self.columns];
-        let cells = |(line, cells): (u64, Vec<&'a str>)| {
-            cells.into_iter().zip(0..self.columns).map(move |(cell, k)| (line, k, cell))
-        };
+        let cells =
+            |(line, cells): Row<'a>| cells.into_iter().zip(0..self.columns).map(move |(cell, k)| (line, k, cell));
         for (line, index, cell) in self.rows().flatten().flat_map(cells) {
             let is_short = cell.starts_with(|c: char| c.is_alphabetic()) && cell.chars().count() < 4;
             let Some(units::Read::Unit(unit)) = is_short.then(|| units::read(cell, false)) else { continue };
@@ -382,7 +381,7 @@ impl<'a> TextTable<'a> {
     }
 
     /// Line and cells of every row, or line and cause where it cannot be used.
-    pub fn rows(&self) -> impl Iterator<Item = Result<(u64, Vec<&'a str>), (u64, String)>> + Clone {
+    pub fn rows(&self) -> impl Iterator<Item = Result<Row<'a>, Fault>> + Clone {
         let all = self.segments.iter().flat_map(|(first, text)| lines(text, *first));
         let cut_off = self.cut_off();
         let is_whole = move |line: &Line<'_>| cut_off.is_none_or(|cut_off| !std::ptr::eq(line.text, cut_off));

@@ -2,6 +2,11 @@
 
 use super::Quantity;
 
+/// Whether `word` is one of `words`, with blanks between them.
+pub(super) fn is_of(words: &str, word: &str) -> bool {
+    words.split(' ').any(|known| known == word)
+}
+
 /// Words that name a quantity anywhere in a title.
 pub(super) const WORDS: &[(Quantity, &str)] = &[
     (
