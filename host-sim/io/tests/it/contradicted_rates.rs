@@ -1,13 +1,10 @@
 //! Preambles with a rate and another line that contradicts it, and channels that begin at different times.
 
-use host_io::files::recording::Recording;
-
-use super::instruments::hints;
-use super::lab_files::{Folder, difference, has, rows};
+use super::lab_files::{Folder, Sample, below, difference, has, rows, usual};
 
 /// The rows of the samples, at 8 Hz for 3 s, below a `preamble` and names.
 fn file(preamble: &str) -> String {
-    format!("{preamble}\nHV (kV);Laser (mm)\n{}", rows(";", '.', |s| vec![s.voltage_kv, s.laser_mm]))
+    below(&format!("{preamble}\nHV (kV);Laser (mm)"), |s| vec![s.voltage_kv, s.laser_mm])
 }
 
 #[test]
@@ -25,7 +22,7 @@ fn a_rate_that_another_line_contradicts_is_a_question() {
         let error = folder.refused(&text, "");
         has(&error, &["film.txt:1:", "not certain from"]);
         assert!(error.ends_with("`rate_hz` 80 or `rate_hz` 8"), "{error}");
-        let read = Recording::read_with(&folder.file("film.txt", text), &hints("rate=8")).expect(line);
+        let read = folder.read_with(text, "rate=8").expect(line);
         assert_eq!(difference(&read), None, "{line}");
     }
     // What the rate itself is of, and a number that is not stated.
@@ -64,7 +61,7 @@ fn lines_that_do_not_contradict_a_rate_are_no_question() {
         assert_eq!(difference(&read), None, "{preamble}");
     }
     // A column of times leaves no question.
-    let timed = rows(";", '.', super::lab_files::usual);
+    let timed = rows(";", '.', usual);
     let timed = format!("Sample rate: 80 Hz\nThinning: 10\nTime (s);HV (kV);Laser (mm)\n{timed}");
     assert_eq!(difference(&folder.read(timed, "").expect("times")), None);
 }
@@ -72,11 +69,10 @@ fn lines_that_do_not_contradict_a_rate_are_no_question() {
 #[test]
 fn channels_that_begin_at_different_times_are_refused() {
     let folder = Folder::new();
-    let numbers = |time: bool, columns: &dyn Fn(&super::lab_files::Sample) -> Vec<f64>| {
+    let numbers = |time: bool, columns: &dyn Fn(&Sample) -> Vec<f64>| {
         rows(";", '.', columns).lines().map(|row| if time { format!("{row}\n") } else { format!(";{row}\n") }).collect()
     };
-    let both: [String; 2] =
-        [numbers(true, &super::lab_files::usual), numbers(false, &|s| vec![s.voltage_kv, s.laser_mm])];
+    let both: [String; 2] = [numbers(true, &usual), numbers(false, &|s| vec![s.voltage_kv, s.laser_mm])];
     for (head, names) in [
         ("X_Dimension;Time;Time\nX0;0.0E+0;{}\nDelta_X;0.125;0.125", "X_Value;HV (kV);Laser (mm)"),
         ("HResolution;0.125;0.125\nHOffset;0.0;{}\nHUnit;s;s", "TraceName;HV (kV);Laser (mm)"),

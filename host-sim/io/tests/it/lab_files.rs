@@ -38,6 +38,11 @@ pub fn rows(separator: &str, decimal: char, columns: impl Fn(&Sample) -> Vec<f64
     text
 }
 
+/// A file of the samples: the `header`, and below it the numbers of `columns` between semicolons.
+pub fn below(header: &str, columns: impl Fn(&Sample) -> Vec<f64>) -> String {
+    format!("{header}\n{}", rows(";", '.', columns))
+}
+
 /// s, kV, mm.
 pub fn usual(sample: &Sample) -> Vec<f64> {
     vec![sample.time_s, sample.voltage_kv, sample.laser_mm]
@@ -92,6 +97,11 @@ impl Folder {
 
     pub fn read(&self, content: impl AsRef<[u8]>, columns: &str) -> Result<Recording, Error> {
         read(&self.file("film.txt", content), columns)
+    }
+
+    /// Reads with the answers of `hints`, which [`super::instruments::hints`] understands.
+    pub fn read_with(&self, content: impl AsRef<[u8]>, hints: &str) -> Result<Recording, Error> {
+        Recording::read_with(&self.file("film.txt", content), &super::instruments::hints(hints))
     }
 
     /// The error of a file that must be refused, on one line that names the file.
@@ -302,10 +312,7 @@ fn columns_are_chosen_by_name_number_unit_and_factor() {
     has(&folder.refused(&file, "time=Zeit"), &["Zeit", "no unit"]);
     has(&folder.refused(&file, "time=Zeit:s,voltage=2*1000"), &["Laser (V)", "not one of m", "displacement=3*0.001"]);
     // What contradicts the header.
-    let plain = format!(
-        "Time (s);HV (kV);Laser_temp (°C);Weg (mm)\n{}",
-        rows(";", '.', |s| vec![s.time_s, s.voltage_kv, 20.0, s.laser_mm])
-    );
+    let plain = below("Time (s);HV (kV);Laser_temp (°C);Weg (mm)", |s| vec![s.time_s, s.voltage_kv, 20.0, s.laser_mm]);
     has(&folder.refused(&plain, "displacement=Laser:mm"), &["no column \"Laser\"", "3 \"Laser_temp (°C)\""]);
     has(&folder.refused(&plain, "voltage=2,displacement=2:mm*1"), &["2 \"HV (kV)\" is both voltage and displacement"]);
     has(&folder.refused(&plain, "voltage=4:kV"), &["4 \"Weg (mm)\"", "not one of V, kV or mV", "voltage=4:kV*1"]);

@@ -6,15 +6,15 @@ use host_io::files::import::Hints;
 use host_io::files::recording::Recording;
 
 use super::instruments::hints;
-use super::lab_files::{Folder, difference, fixture, has, rows, usual};
+use super::lab_files::{Folder, Sample, below, difference, fixture, has, rows, samples, usual};
 
 /// Headers above time, voltage and displacement, and one column more: what the question says, and the answer.
 #[test]
 fn rival_columns_are_a_question() {
     let folder = Folder::new();
     let mut faults = Vec::new();
-    let mut ask = |header: &str, answer: &str, columns: &dyn Fn(&super::lab_files::Sample) -> Vec<f64>| {
-        let path = folder.file("film.txt", format!("{header}\n{}", rows(";", '.', columns)));
+    let mut ask = |header: &str, answer: &str, columns: &dyn Fn(&Sample) -> Vec<f64>| {
+        let path = folder.file("film.txt", below(header, columns));
         match Recording::read_with(&path, &Hints::default()) {
             Ok(recording) => faults.push(format!("{header}: not asked: {:?}", recording.understood())),
             Err(error) if !error.to_string().contains(&format!("`columns` {answer}")) => {
@@ -33,7 +33,7 @@ fn rival_columns_are_a_question() {
     for (kind, name) in rivals.filter_map(|line| line.split_once(": ")) {
         let alone = kind.ends_with('?');
         if kind.starts_with("displacement") {
-            let other = |s: &super::lab_files::Sample| vec![s.time_s, s.voltage_kv, 7.0, s.laser_mm];
+            let other = |s: &Sample| vec![s.time_s, s.voltage_kv, 7.0, s.laser_mm];
             ask(&format!("Time (s);HV (kV);{name};Laser (mm)"), "displacement=4", &other);
             if alone {
                 ask(&format!("Time (s);HV (kV);{name}"), "displacement=3", &usual);
@@ -41,7 +41,7 @@ fn rival_columns_are_a_question() {
         } else if kind.starts_with("time") {
             ask(&format!("{name};HV (kV);Laser (mm)"), "time=1", &usual);
         } else {
-            let other = |s: &super::lab_files::Sample| vec![s.time_s, 7.0, s.voltage_kv, s.laser_mm];
+            let other = |s: &Sample| vec![s.time_s, 7.0, s.voltage_kv, s.laser_mm];
             ask(&format!("Time (s);{name};Voltage (kV);Laser (mm)"), "voltage=3", &other);
             if alone && !name.contains("(V)") {
                 ask(&format!("Time (s);{name};Laser (mm)"), "voltage=2", &usual);
@@ -71,10 +71,7 @@ fn a_force_does_not_replace_a_voltage() {
         assert_eq!(recording.drive().expect("a force").samples().value, [0.25; 24], "{voltage}");
     }
     // What is in kV is the voltage.
-    let text = format!(
-        "Time (s);CH1 (kV);Force (N);Laser (mm)\n{}",
-        rows(";", '.', |s| vec![s.time_s, s.voltage_kv, 0.25, s.laser_mm])
-    );
+    let text = below("Time (s);CH1 (kV);Force (N);Laser (mm)", |s| vec![s.time_s, s.voltage_kv, 0.25, s.laser_mm]);
     assert_eq!(difference(&folder.read(&text, "").expect("read")), None);
 }
 
@@ -82,7 +79,7 @@ fn a_force_does_not_replace_a_voltage() {
 #[test]
 fn times_of_each_channel_are_a_question() {
     let folder = Folder::new();
-    let late = |s: &super::lab_files::Sample| vec![s.time_s, s.voltage_kv, 0.02 + 1.5 * s.time_s, s.laser_mm];
+    let late = |s: &Sample| vec![s.time_s, s.voltage_kv, 0.02 + 1.5 * s.time_s, s.laser_mm];
     for (one, other) in [
         ("Time (s)", "t_laser (s)"),
         ("X (s)", "X2 (s)"),
@@ -90,9 +87,9 @@ fn times_of_each_channel_are_a_question() {
         ("Time (s)", "Sensor (s)"),
         ("time_s", "t2_s"),
     ] {
-        let text = format!("{one};HV (kV);{other};Laser (mm)\n{}", rows(";", '.', late));
+        let text = below(&format!("{one};HV (kV);{other};Laser (mm)"), late);
         has(&folder.refused(&text, ""), &[one, other, "2 columns may be the time"]);
-        let read = Recording::read_with(&folder.file("film.txt", text), &hints("columns=time=1"));
+        let read = folder.read_with(text, "columns=time=1");
         let read = read.expect("answered");
         assert_eq!(difference(&read), None, "{one}");
         has(&read.notes().join("; "), &["are not used", "at wrong times", other]);
@@ -101,15 +98,12 @@ fn times_of_each_channel_are_a_question() {
     for same in [|t: f64| 1e3 * t, |t: f64| 1.7e9 + t, |t: f64| t] {
         let rows = rows(";", '.', |s| vec![s.time_s, s.voltage_kv, same(s.time_s), s.laser_mm]);
         let text = format!("Time (s);HV (kV);Laser time (s);Laser (mm)\n{rows}");
-        let read = Recording::read_with(&folder.file("film.txt", text), &hints("columns=time=1")).expect("read");
+        let read = folder.read_with(text, "columns=time=1").expect("read");
         assert!(!read.notes().join("; ").contains("at wrong times"), "{:?}", read.notes());
     }
     // What does not increase is no time.
-    let text = format!(
-        "Time (s);HV (kV);Delay (ms);Laser (mm)\n{}",
-        rows(";", '.', |s| vec![s.time_s, s.voltage_kv, 3.0, s.laser_mm])
-    );
-    assert_eq!(difference(&Recording::read(&folder.file("film.txt", text)).expect("read")), None);
+    let text = below("Time (s);HV (kV);Delay (ms);Laser (mm)", |s| vec![s.time_s, s.voltage_kv, 3.0, s.laser_mm]);
+    assert_eq!(difference(&folder.read(text, "").expect("read")), None);
 }
 
 /// Units that change within a file.
@@ -130,11 +124,11 @@ fn units_that_change_are_refused() {
         assert_eq!(Recording::read_with(&path, &hints("segment=1")).expect("one part").time_s().len(), 12);
         Recording::read_with(&path, &hints("segment=2")).expect_err("other units");
     }
-    let with_unit = |s: &super::lab_files::Sample| match s.voltage_kv {
+    let with_unit = |s: &Sample| match s.voltage_kv {
         kv if kv < 1.0 => format!("{};{};V;{}\n", s.time_s, 1e3 * kv, s.laser_mm),
         kv => format!("{};{kv};kV;{}\n", s.time_s, s.laser_mm),
     };
-    let text: String = super::lab_files::samples().iter().map(with_unit).collect();
+    let text: String = samples().iter().map(with_unit).collect();
     has(
         &folder.refused(format!("Time (s);HV (V);Range;Laser (mm)\n{text}"), ""),
         &["film.txt:11:", "the unit kV here and V before"],
@@ -165,17 +159,17 @@ fn units_are_read_with_their_case() {
     refused("Time in 10 ms;HV (kV);Laser (mm)", &["\"Time in 10 ms\"", "not one of s, ms"]);
     refused("Time (s);HV in 100 V;Laser (mm)", &["\"HV in 100 V\"", "not one of V, kV"]);
     // Compound units are not their last part.
-    let five = |s: &super::lab_files::Sample| vec![s.time_s, s.voltage_kv, 7.0 + s.time_s, s.laser_mm];
+    let five = |s: &Sample| vec![s.time_s, s.voltage_kv, 7.0 + s.time_s, s.laser_mm];
     for compound in
         ["E kV/mm", "E_kV/mm", "E kV per mm", "V/mm", "Strain mm/mm", "N/m", "Torque N m", "Counts/mm", "°C/m"]
     {
-        let text = format!("Time (s);HV (kV);{compound};Laser (mm)\n{}", rows(";", '.', five));
+        let text = below(&format!("Time (s);HV (kV);{compound};Laser (mm)"), five);
         assert_eq!(difference(&folder.read(&text, "").expect(compound)), None, "{compound}");
-        let text = format!("Time (s);HV (kV);{compound};Laser (V)\n{}", rows(";", '.', five));
+        let text = below(&format!("Time (s);HV (kV);{compound};Laser (V)"), five);
         has(&folder.refused(&text, ""), &["\"Laser (V)\"", "not one of m, cm, mm"]);
     }
     for rate in ["Speed mm/s", "Counts/s", "1/s", "N per s", "Flow_l/min"] {
-        let text = format!("No;HV (kV);{rate};Laser (mm)\n{}", rows(";", '.', five));
+        let text = below(&format!("No;HV (kV);{rate};Laser (mm)"), five);
         has(&folder.refused(&text, ""), &["no column time_s"]);
     }
     for (time, voltage, laser) in [("t/s", "V/kV", "s/mm"), ("Time/s", "U/kV", "CH 2/mm")] {
@@ -194,11 +188,10 @@ fn units_are_read_with_their_case() {
         "Current (mA)",
         "Laser status",
     ] {
-        let text = format!(
-            "Time (s);HV (kV);Laser (mm);{ignored}\n{}",
-            rows(";", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 100.0])
-        );
-        let recording = Recording::read(&folder.file("film.txt", text));
+        let text = below(&format!("Time (s);HV (kV);Laser (mm);{ignored}"), |s| {
+            vec![s.time_s, s.voltage_kv, s.laser_mm, 100.0]
+        });
+        let recording = folder.read(text, "");
         match (ignored, recording) {
             ("Laser status", recording) => has(&recording.expect_err("asked").to_string(), &["2 columns may be"]),
             (_, Ok(recording)) => {
@@ -210,12 +203,10 @@ fn units_are_read_with_their_case() {
         }
     }
     for (name, answer) in [("Weight", "weight=none"), ("Force (mm)", "force=none")] {
-        let text = format!(
-            "Time (s);HV (kV);Laser (mm);{name}\n{}",
-            rows(";", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 100.0])
-        );
+        let text =
+            below(&format!("Time (s);HV (kV);Laser (mm);{name}"), |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 100.0]);
         has(&folder.refused(&text, ""), &[name, "`columns`", "=none"]);
-        let recording = Recording::read_with(&folder.file("film.txt", text), &hints(&format!("columns={answer}")));
+        let recording = folder.read_with(text, &format!("columns={answer}"));
         assert_eq!(difference(&recording.expect("answered")), None, "{name}");
     }
 }
@@ -258,7 +249,7 @@ fn readings_out_of_range_are_missing_and_counted() {
                  n/a|#N/A|null|-nan|-nan(ind)|BAD";
     // Also in the first row, which shows the columns.
     for (word, first) in words.split('|').flat_map(|word| [(word, 7), (word, 1)]) {
-        let text = format!("Time (s);HV (kV);Laser (mm)\n{}", rows(";", '.', usual)).replacen(";0.125;", ";0.1250;", 0);
+        let text = below("Time (s);HV (kV);Laser (mm)", usual).replacen(";0.125;", ";0.1250;", 0);
         let lines: Vec<String> = text
             .lines()
             .enumerate()
@@ -277,7 +268,7 @@ fn readings_out_of_range_are_missing_and_counted() {
         assert_eq!(counted, !is_plain, "{word}: {:?}", recording.notes());
         // In the voltage they are a fault.
         let turned = lines.join("\n").replace("HV (kV);Laser (mm)", "Laser (mm);HV (kV)");
-        let drive = Recording::read_with(&folder.file("film.txt", turned), &hints(given)).expect("read").drive();
+        let drive = folder.read_with(turned, given).expect("read").drive();
         has(&drive.expect_err("a gap").to_string(), &[&format!("film.txt:{}:", first + 1), "is empty", "`fill`"]);
     }
     // Behind the values of a row, `#` begins a remark.
@@ -286,8 +277,7 @@ fn readings_out_of_range_are_missing_and_counted() {
     assert_eq!(read.displacement().expect("a laser").value.len(), 23);
     // Names that number the columns, as of a table without names.
     for names in ["0;1;2", "1;2;3"] {
-        let counted =
-            folder.file("film.txt", format!("{names}\n{}", rows(";", '.', usual).replacen("0;0;", "5;0;", 1)));
+        let counted = folder.file("film.txt", below(names, usual).replacen("0;0;", "5;0;", 1));
         let by_number = "columns=time=1:s,voltage=2:kV,displacement=3:mm";
         let error = Recording::read_with(&counted, &hints(by_number)).expect_err("names").to_string();
         has(&error, &["film.txt:1:", "the numbers of the columns or the first sample", "`header_line` 1"]);
@@ -297,14 +287,13 @@ fn readings_out_of_range_are_missing_and_counted() {
     let text = format!("Time;HV (kV);Laser (mm)\n{unpadded}");
     has(&folder.refused(text, ""), &["without leading zeros", "5 or 500 ms", "`rate_hz`"]);
     // What a terminal puts before each row is no zone of the time behind it.
-    let logged =
-        |s: &super::lab_files::Sample| format!("10:00:00.{:03} -> {};{};{}\n", 1, s.time_s, s.voltage_kv, s.laser_mm);
-    let logged: String = super::lab_files::samples().iter().map(logged).collect();
+    let logged = |s: &Sample| format!("10:00:00.{:03} -> {};{};{}\n", 1, s.time_s, s.voltage_kv, s.laser_mm);
+    let logged: String = samples().iter().map(logged).collect();
     has(&folder.refused(format!("Time (s);HV (kV);Laser (mm)\n{logged}"), ""), &["film.txt"]);
-    let units = |s: &super::lab_files::Sample| format!("{} s;{} kV;{} mm\n", s.time_s, s.voltage_kv, s.laser_mm);
-    let units: String = super::lab_files::samples().iter().map(units).collect();
+    let units = |s: &Sample| format!("{} s;{} kV;{} mm\n", s.time_s, s.voltage_kv, s.laser_mm);
+    let units: String = samples().iter().map(units).collect();
     has(&folder.refused(format!("Time;HV;Laser\n{units}"), ""), &["is a number with its unit", "in the header"]);
-    let text = format!("Time (s);HV (kV);Laser (mm)\n{}", rows(";", '.', usual)).replace(";0.05\n", ";broken\n");
+    let text = below("Time (s);HV (kV);Laser (mm)", usual).replace(";0.05\n", ";broken\n");
     has(&folder.refused(text, ""), &["film.txt:2:", "\"broken\"", "not a number"]);
 }
 
@@ -313,7 +302,7 @@ fn readings_out_of_range_are_missing_and_counted() {
 fn channels_in_rows_are_refused() {
     let folder = Folder::new();
     let mut text = "time_s,channel,value\n".to_owned();
-    for sample in super::lab_files::samples() {
+    for sample in samples() {
         write!(text, "{0},HV_kV,{1}\n{0},laser_mm,{2}\n", sample.time_s, sample.voltage_kv, sample.laser_mm)
             .expect("written");
     }
@@ -384,7 +373,7 @@ fn what_is_left_out_is_noted() {
     let header = "Time (s);HV (kV);Laser (mm)";
     let numbers = rows(";", '.', usual);
     let notes = |text: String| {
-        let recording = Recording::read(&folder.file("film.txt", text)).expect("read");
+        let recording = folder.read(text, "").expect("read");
         assert_eq!(difference(&recording), None);
         recording.notes().join("; ")
     };
@@ -399,7 +388,7 @@ fn what_is_left_out_is_noted() {
     // A first row of gains has a time that does not fit.
     let gains = "Time (s);HV (kV);Laser (mm)\n1;1000;0.5\n".to_owned()
         + &rows(";", '.', |s| vec![20.0 + s.time_s, s.voltage_kv, s.laser_mm]);
-    let recording = Recording::read(&folder.file("film.txt", gains)).expect("read");
+    let recording = folder.read(gains, "").expect("read");
     has(&recording.notes().join("; "), &["the first row is 19 s from the next", "gains"]);
     has(&folder.refused(format!("{header}\n1;1000;0.5\n{numbers}"), ""), &["film.txt:3:", "goes backwards"]);
     // And so has a last row of statistics.
@@ -422,15 +411,12 @@ fn what_is_left_out_is_noted() {
 fn a_response_that_is_missing_or_constant_is_reported() {
     let folder = Folder::new();
     for name in ["u (mm)", "u_mm", "u/mm", "v [mm]"] {
-        let text = format!("Time (s);HV (kV);{name}\n{}", rows(";", '.', usual));
+        let text = below(&format!("Time (s);HV (kV);{name}"), usual);
         let recording = folder.read(&text, "").expect("read");
         assert_eq!(difference(&recording), None, "{name}");
         assert_eq!(recording.doubtful_response(), None, "{name}");
     }
-    let with_laser = format!(
-        "Time (s);HV (kV);u (mm);Laser (mm)\n{}",
-        rows(";", '.', |s| vec![s.time_s, s.voltage_kv, 7.0, s.laser_mm])
-    );
+    let with_laser = below("Time (s);HV (kV);u (mm);Laser (mm)", |s| vec![s.time_s, s.voltage_kv, 7.0, s.laser_mm]);
     has(&folder.refused(with_laser, ""), &["2 columns may be the displacement"]);
     // A displacement in letters of another encoding, or beside names of this tool.
     let mut russian = b"Time (s),HV (kV),\xd5\xee\xe4(\xec\xea\xec)\n".to_vec();
@@ -442,7 +428,7 @@ fn a_response_that_is_missing_or_constant_is_reported() {
     }
     let drive = format!("time_s,voltage_kv\n{}", rows(",", '.', |s| vec![s.time_s, s.voltage_kv]));
     assert_eq!(folder.read(drive, "").expect("a drive").doubtful_response(), None);
-    let size = format!("Time (s);HV (kV);CH2 (mm)\n{}", rows(";", '.', |s| vec![s.time_s, s.voltage_kv, 0.5]));
+    let size = below("Time (s);HV (kV);CH2 (mm)", |s| vec![s.time_s, s.voltage_kv, 0.5]);
     let remark = folder.read(size, "").expect("read").doubtful_response().expect("a remark");
     has(&remark, &["the displacement is 0.0005 m in all rows", "`columns` displacement=NUMBER:UNIT"]);
     // Relaxation.

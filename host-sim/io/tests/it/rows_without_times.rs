@@ -5,7 +5,7 @@ use host_io::files::recording::Recording;
 
 use super::cut_files::Noise;
 use super::instruments::hints;
-use super::lab_files::{Folder, difference, has, rows};
+use super::lab_files::{Folder, Sample, below, difference, has, rows, samples, usual};
 
 /// The rows of the samples, at 8 Hz, below a `preamble` and names.
 fn file(preamble: &str, separator: &str, decimal: char) -> String {
@@ -40,7 +40,7 @@ fn a_rate_that_is_not_certain_is_a_question() {
         let text = file(preamble, ",", '.');
         let error = folder.refused(&text, "");
         has(&error, &["film.txt:1:", "the rate of the rows is not certain", &format!("`rate_hz`{rate}"), other]);
-        let read = Recording::read_with(&folder.file("film.txt", text), &hints("rate=8")).expect(preamble);
+        let read = folder.read_with(text, "rate=8").expect(preamble);
         assert_eq!(difference(&read), None, "{preamble}");
     }
     // Whole numbers do not show whether the point separates thousands.
@@ -71,10 +71,7 @@ fn a_rate_that_is_certain_is_read() {
         assert_eq!(difference(&recording), None, "{preamble}");
     }
     // A column of times with a unit leaves no question.
-    let timed = format!(
-        "Time step: 3 s\nDecimation: 5\nTime (s),HV (kV),Laser (mm)\n{}",
-        rows(",", '.', super::lab_files::usual)
-    );
+    let timed = format!("Time step: 3 s\nDecimation: 5\nTime (s),HV (kV),Laser (mm)\n{}", rows(",", '.', usual));
     assert_eq!(difference(&folder.read(timed, "").expect("times")), None);
 }
 
@@ -83,11 +80,11 @@ fn a_rate_that_is_certain_is_read() {
 fn runs_without_times_are_a_question() {
     let folder = Folder::new();
     let numbers = |columns: &str, from: usize, to: usize| -> String {
-        let row = |(k, s): (usize, &super::lab_files::Sample)| match columns {
+        let row = |(k, s): (usize, &Sample)| match columns {
             "" => format!("{};{}\n", s.voltage_kv, s.laser_mm),
             _ => format!("{};{};{}\n", k + 1, s.voltage_kv, s.laser_mm),
         };
-        super::lab_files::samples()[from..to].iter().enumerate().map(row).collect()
+        samples()[from..to].iter().enumerate().map(row).collect()
     };
     for (columns, between) in [("", "\n"), ("", "\n\n"), ("No;", ""), ("No;", "\n")] {
         for head in ["Sample rate: 8 Hz\n", ""] {
@@ -106,7 +103,7 @@ fn runs_without_times_are_a_question() {
     // Empty lines between all rows, and rows with times, are one run.
     let wide = file("Sample rate: 8 Hz", ";", '.').replace('\n', "\n\n");
     assert_eq!(difference(&folder.read(wide, "").expect("one run")), None);
-    let timed = rows(";", '.', super::lab_files::usual).replacen('\n', "\n\n", 1);
+    let timed = rows(";", '.', usual).replacen('\n', "\n\n", 1);
     let timed = folder.read(format!("Time (s);HV (kV);Laser (mm)\n{timed}"), "").expect("one run");
     assert_eq!(difference(&timed), None);
 }
@@ -115,13 +112,10 @@ fn runs_without_times_are_a_question() {
 #[test]
 fn one_time_of_all_rows_gives_no_rate() {
     let folder = Folder::new();
-    let text = |head: &str, columns: &dyn Fn(&super::lab_files::Sample) -> Vec<f64>| {
-        format!("{head};HV (kV);Laser (mm)\n{}", rows(";", '.', columns))
-    };
+    let text =
+        |head: &str, columns: &dyn Fn(&Sample) -> Vec<f64>| below(&format!("{head};HV (kV);Laser (mm)"), columns);
     let all = text("Time (s)", &|s| vec![7.0, s.voltage_kv, s.laser_mm]);
-    let refused = |text: String, answer: &str| {
-        Recording::read_with(&folder.file("film.txt", text), &hints(answer)).expect_err("refused").to_string()
-    };
+    let refused = |text: String, answer: &str| folder.read_with(text, answer).expect_err("refused").to_string();
     has(&refused(all, "repeated=spread"), &["all rows have one time", "`rate_hz`"]);
     for part in ["Fractional Seconds", "stamp.nsecs", "Milliseconds (part)", "msec"] {
         let head = format!("Time (s);{part}");

@@ -1,8 +1,6 @@
 //! Rows whose cells are separated in two ways, or are separated by what is in their numbers as well.
 
-use super::instruments::hints;
 use super::lab_files::{Folder, difference, has, rows, usual};
-use host_io::files::recording::Recording;
 
 const NAMES: &str = "Time (s),HV (kV),Laser (mm)";
 
@@ -54,10 +52,7 @@ fn commas_in_numbers_are_not_shifted_into_a_spare_column() {
         assert!(["film.txt:2: ", "film.txt: line 2: "].iter().any(|place| error.contains(place)), "{error}");
         has(&error, &["shifts the values", "semicolons"]);
         // Columns that a person has chosen by their numbers are those.
-        let read = Recording::read_with(
-            &folder.file("film.txt", case),
-            &hints("columns=time=1:ms,voltage=2:V,displacement=3:um"),
-        );
+        let read = folder.read_with(case, "columns=time=1:ms,voltage=2:V,displacement=3:um");
         read.expect("chosen");
     }
     // A comma at the end of each row separates nothing.

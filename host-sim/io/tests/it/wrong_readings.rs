@@ -7,7 +7,7 @@ use host_io::files::import::{Blank, Edits, Fill, Quantity};
 use host_io::files::recording::Recording;
 
 use super::cut_files::Noise;
-use super::lab_files::{Folder, has, rows};
+use super::lab_files::{Folder, below, has};
 
 /// A drive from 0 to 1 at a time.
 type Drive = fn(f64) -> f64;
@@ -179,10 +179,7 @@ fn voltages_of_mains_and_controls_are_not_the_films() {
     let folder = Folder::new();
     let rivals = include_str!("files/rivals.txt").lines();
     for name in rivals.filter_map(|line| line.strip_prefix("other voltage: ")) {
-        let text = format!(
-            "Time (s);{name};Laser (mm)\n{}",
-            rows(";", '.', |s| vec![s.time_s, 1e3 * s.voltage_kv, s.laser_mm])
-        );
+        let text = below(&format!("Time (s);{name};Laser (mm)"), |s| vec![s.time_s, 1e3 * s.voltage_kv, s.laser_mm]);
         has(&folder.refused(&text, ""), &["`columns` voltage="]);
     }
     // Rows at 100 Hz of numbers that are all of the mains, or of a control voltage.
