@@ -8,8 +8,8 @@ pub fn range<'a>(values: impl IntoIterator<Item = &'a f64>) -> (f64, f64) {
 }
 
 /// The largest magnitude of `values`, NaN aside; 0 without any.
-pub fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |largest, value| largest.max(value.abs()))
+pub fn peak(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |peak, value| peak.max(value.abs()))
 }
 
 /// Samples of one quantity at their times.

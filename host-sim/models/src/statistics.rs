@@ -1,14 +1,6 @@
 //! Statistics of series: ranges, means, percentiles, noise.
 
-/// Smallest and largest value.
-pub fn range(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)))
-}
-
-/// Largest size of a value.
-pub fn peak(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |peak, value| value.abs().max(peak))
-}
+pub use crate::grid::{peak, range};
 
 /// The mean; 0 if empty.
 pub fn mean(values: &[f64]) -> f64 {
@@ -47,7 +39,11 @@ pub fn change(load: &[f64]) -> f64 {
 /// The median; NaN if empty.
 #[must_use]
 pub fn median(values: &[f64]) -> f64 {
-    sorted(values.iter().copied()).get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let (mut values, middle) = (values.to_vec(), values.len() / 2);
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 /// The sizes of the upper turning points of a drive: where it comes down to half.

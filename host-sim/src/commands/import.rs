@@ -13,7 +13,7 @@ use crate::error::{Error, Result, shown};
 use crate::files::import::{Blank, By, Edits, Hints, Quantity, Series, Understood, UnderstoodColumn};
 use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::recording::Recording;
-use crate::grid::{largest, range};
+use crate::grid::{peak, range};
 use crate::quantity;
 use crate::statistics::median;
 use crate::terminal::{self, rounded};
@@ -142,7 +142,7 @@ fn at_rest(series: &Series, from_s: f64) -> bool {
     let recording = Recording::from_series(Path::new(""), series.clone());
     let Ok(drive) = recording.drive() else { return true };
     let drive = drive.samples();
-    let largest = largest(&drive.value);
+    let largest = peak(&drive.value);
     let first = series.clock_s.iter().position(|t| t - start >= from_s).unwrap_or(0);
     drive.value.get(first).is_none_or(|value| value.abs() <= 0.01 * largest)
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::grid::{Samples, largest, range};
+use crate::grid::{Samples, peak, range};
 
 /// The course of a drive.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,7 +47,7 @@ impl Course {
 /// The time (s) from which on the drive stays at its last value, if it stays there for most of the recording.
 fn held_since(drive: &Samples) -> Option<f64> {
     let (&first_s, &last_s, &end) = (drive.time_s.first()?, drive.time_s.last()?, drive.value.last()?);
-    let size = largest(&drive.value);
+    let size = peak(&drive.value);
     let since_s = match drive.value.iter().rposition(|value| (value - end).abs() > STEADY * size) {
         // Held from the beginning: the load was applied at 0 on the recording's clock.
         None => 0.0,

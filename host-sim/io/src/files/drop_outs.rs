@@ -238,7 +238,7 @@ fn quantiles<const N: usize>(mut values: Vec<f64>, shares: [f64; N]) -> Option<[
 
 /// The load of a drive as a share of the largest.
 fn load(drive: &[f64]) -> Vec<f64> {
-    let largest = grid::largest(drive);
+    let largest = grid::peak(drive);
     drive.iter().map(|value| (value / largest.max(f64::MIN_POSITIVE)).powi(2)).collect()
 }
 

@@ -2,7 +2,7 @@
 
 use super::import::{By, Quantity};
 use super::recording::Recording;
-use crate::grid::{largest, range};
+use crate::grid::{peak, range};
 use crate::terminal::rounded;
 
 /// Voltages (V) below and above which a column is not the voltage on a film.
@@ -248,7 +248,7 @@ fn mains(volts: &[f64]) -> Option<f64> {
 
 /// Whether `values` stay within 1 % of their largest for most of the time: a load that is held.
 fn is_constant(values: &[f64]) -> bool {
-    let largest = largest(values);
+    let largest = peak(values);
     let held = values.iter().filter(|value| value.abs() >= 0.99 * largest).count();
     largest == 0.0 || 10 * held > 9 * values.len()
 }
