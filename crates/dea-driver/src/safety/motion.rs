@@ -126,9 +126,10 @@ impl Motion {
         (self.min_softness..=MAX_SOFTNESS).contains(&self.softness)
     }
 
-    /// Starts again as if nothing had been seen.
+    /// Starts again as if nothing had been seen, but where the film was at 0 V: its creep stays.
     pub fn reset(&mut self) {
-        *self = Self::in_blocks(self.band_m, self.block_ticks).beyond_by(self.min_softness - 1.0);
+        let new = Self::in_blocks(self.band_m, self.block_ticks).beyond_by(self.min_softness - 1.0);
+        *self = new.offset_by(self.offset_m);
     }
 
     /// The same of a model that may be behind its film by this `share` of its displacement, whatever a sensor shows.
