@@ -232,9 +232,11 @@ impl<M: ControllerMemory> Controller<M> {
         }
     }
 
-    /// Goes on with the film that `before` has driven: what is left of its creep counts for the stroke, until a plausible sensor shows it at 0 V.
+    /// Goes on with the film that `before` has driven, and with its amplifier: what is left of creep counts for the stroke, until a plausible sensor shows it
+    /// at 0 V, and voltage while it was disabled counts as before.
     #[cfg(feature = "link")]
     pub(crate) fn take_film_of(&mut self, before: &Self) {
+        self.supervisor.take_discharge_of(&before.supervisor);
         let left_m = before.motion.furthest(before.open_loop.position());
         self.motion = self.motion.offset_by(left_m);
         (self.open_loop, self.is_history_assumed) = (self.watched.state(), false);

@@ -203,6 +203,13 @@ impl Supervisor {
         self.self_test = SelfTest::NotNeeded;
     }
 
+    /// Goes on with the amplifier that `before` has disabled: how long its film was live, and what is missing at 0 V, which begins anew.
+    #[cfg(feature = "link")]
+    pub(crate) fn take_discharge_of(&mut self, before: &Self) {
+        self.missing_at_0_v = if before.missing_at_0_v > 0 { self.discharge_ticks } else { 0 };
+        (self.live_ticks, self.discharged) = (before.live_ticks, before.discharged);
+    }
+
     /// Everything that does not change after construction, for a check of the memory.
     #[cfg(feature = "link")]
     pub(crate) fn constants(&self) -> impl Serialize + use<> {

@@ -95,6 +95,17 @@ impl Reference {
         }
     }
 
+    /// That of other parameters with the same limits, on the amplifier that was driven `before`.
+    pub fn after(before: &Self, rate_hz: f32) -> Self {
+        let is_missing = before.quiet_ticks.is_some_and(|ticks| ticks < before.discharge_ticks);
+        Self {
+            live_ticks: before.live_ticks,
+            discharged: before.discharged,
+            quiet_ticks: is_missing.then_some(0),
+            ..Self::new(&before.limits, rate_hz)
+        }
+    }
+
     fn at_0_v(&self) -> bool {
         self.readings.is_some_and(|readings| readings.monitor_v.abs() <= self.limits.monitor.band_v)
     }

@@ -1,8 +1,9 @@
 //! The amplifier's monitor: what it may show beside the command, what it must not, and a film that stays live.
 
-use dea_driver::{Cause, DriverState, Monitor, Readings, Refusal, Supervisor};
+use dea_driver::server::Denial;
+use dea_driver::{Blob, Cause, Controller, Device, DriverState, Inputs, Monitor, Readings, Refusal, Supervisor};
 
-use crate::bench::bench_limits;
+use crate::bench::{bench_limits, board_parameters};
 use crate::supervisor_bench::{Bench, RATE_HZ, readings};
 
 /// The band around 0 V and the largest voltage belong to what is allowed: more than that does not.
@@ -178,6 +179,46 @@ fn a_film_that_stays_live_is_noticed() {
         bench.tick(|r| r.monitor_v = 4000.0 * (-f32::from(tick) / 200.0).exp());
     }
     assert_eq!(bench.supervisor.state(), DriverState::Disarmed);
+}
+
+/// An upload shortens no time at 0 V, and forgets no time with voltage: a film that was live was acknowledged and armed in the second tick after it, and
+/// one that was live all the time was never reported with an upload every 0.9 s.
+#[test]
+fn an_upload_does_not_hide_a_film_that_is_live() {
+    let upload = |device: &mut Device| {
+        let controller = Controller::new(Blob::new(board_parameters()).expect("valid"));
+        device.install(controller).expect("off");
+    };
+    let run = |device: &mut Device, ticks: u16, monitor_v: f32| {
+        for tick in 0..ticks {
+            let sensor_adc_v = Some(1.0 + 1e-3 * f32::from(tick % 3));
+            device.tick(Inputs { interlock_closed: true, monitor_adc_v: Some(monitor_v / 1000.0), sensor_adc_v });
+        }
+        device.state()
+    };
+    let live_film = DriverState::Tripped(Cause::LiveFilm);
+    for (live_ticks, state) in [(3000, live_film), (500, DriverState::Disarmed)] {
+        let mut device = Device::new(None);
+        upload(&mut device);
+        run(&mut device, 10, 0.0);
+        assert_eq!(run(&mut device, live_ticks, 3000.0), state);
+        run(&mut device, 1, 0.0);
+        upload(&mut device);
+        let release = |device: &mut Device| match device.state() {
+            DriverState::Tripped(_) => device.acknowledge(),
+            _ => device.arm(),
+        };
+        // A second at 1 kHz.
+        run(&mut device, 999, 0.0);
+        assert_eq!(release(&mut device), Err(Denial::Refused(Refusal::LiveVoltage)), "live for {live_ticks} ticks");
+        run(&mut device, 1, 0.0);
+        assert_eq!(release(&mut device), Ok(()), "live for {live_ticks} ticks");
+    }
+    let mut device = Device::new(None);
+    upload(&mut device);
+    assert_eq!(run(&mut device, 900, 3000.0), DriverState::Disarmed);
+    upload(&mut device);
+    assert_eq!(run(&mut device, 101, 3000.0), live_film);
 }
 
 /// A perfect amplifier, read by a converter that answers with the sample of the frame before, or by one that answers at once: a command

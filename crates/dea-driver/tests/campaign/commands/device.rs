@@ -109,7 +109,7 @@ impl Bench {
             return true;
         }
         assert_eq!(done, Ok(()));
-        self.reference = Reference::new(&self.parameters.limits, RATE_HZ);
+        self.reference = Reference::after(&self.reference, RATE_HZ);
         if let DriverState::Tripped(cause) = before {
             self.reference.trip(cause);
         }
