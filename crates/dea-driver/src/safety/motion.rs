@@ -279,7 +279,7 @@ impl Motion {
         self.peak_m = if model_m > self.peak_m { model_m } else { self.peak_m };
         // What is left of an earlier load says little about the next one.
         if model_m > SHOWS * self.band_m && 2.0 * model_m > self.peak_m {
-            let ratio = film_m / (model_m + MOVES * self.band_m);
+            let ratio = film_m / (model_m + self.band_m);
             let largest = |known: f32| {
                 let softness = if ratio > known { ratio } else { known };
                 if softness < MAX_SOFTNESS { softness } else { MAX_SOFTNESS }

@@ -153,6 +153,20 @@ fn a_film_is_as_soft_as_plausible_values_show() {
     assert_eq!(motion.furthest(1e-3), known_m);
 }
 
+/// From 25 bands on: a film that is a fifth softer counted as that of its model there.
+#[test]
+fn a_film_is_as_soft_as_a_small_displacement_shows() {
+    for (bands, least) in [(24.0, 1.0), (26.0, 1.15), (100.0, 1.185)] {
+        let mut motion = Motion::new(LIMITS);
+        motion.begin_run();
+        let model_m = bands * LIMITS.stuck_band;
+        (0..3000).for_each(|_| motion.record(1.2 * model_m, model_m, || model_m, true, true));
+        let softness = motion.furthest(1e-3) / 1e-3;
+        let most = if bands < 25.0 { 1.0 } else { 1.2 };
+        assert!((least..=most).contains(&softness), "{bands} bands: {softness}");
+    }
+}
+
 /// A film whose law may be that of another is presumed softer until the sensor has shown it for ten blocks, in that run alone.
 #[test]
 fn a_film_is_presumed_softer_until_it_is_shown() {
