@@ -145,6 +145,11 @@ mod with_current {
             by_sensor
         }
 
+        /// Whether the film takes the place of a sensor that is missing.
+        pub fn replaces(&self) -> bool {
+            self.0.as_ref().is_some_and(|parts| parts.replaces)
+        }
+
         /// The tone's part of the last command, V.
         #[inline]
         pub fn tone_v(&self) -> f32 {
@@ -256,6 +261,11 @@ mod without_current {
         #[inline]
         pub fn choose(&mut self, _: Shown, by_sensor: Option<SensorSample<f32>>, _: bool) -> Option<SensorSample<f32>> {
             by_sensor
+        }
+
+        #[allow(clippy::unused_self)] // as the other one
+        pub fn replaces(&self) -> bool {
+            false
         }
 
         #[inline]

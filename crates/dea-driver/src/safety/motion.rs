@@ -76,9 +76,10 @@ pub struct Motion {
     peak_m: f32,
     softness: f32,
     min_softness: f32,
-    /// Blocks until the presumption ends, and the softness that was shown since it began.
-    presumed: u8,
+    /// Blocks that still have to show the film in this run, the softness that they show, and whether the film is presumed softer with the next plausible one.
+    unshown: u8,
     shown: f32,
+    presumes: bool,
     /// NaN until it is known.
     offset_m: f32,
 }
@@ -108,8 +109,9 @@ impl Motion {
             peak_m: 0.0,
             softness: 1.0,
             min_softness: 1.0,
-            presumed: 0,
+            unshown: PRESUMED_BLOCKS,
             shown: 1.0,
+            presumes: false,
             offset_m: f32::NAN,
         }
     }
@@ -135,7 +137,7 @@ impl Motion {
     /// The same of a model that may be behind its film by this `share` of its displacement, whatever a sensor shows.
     #[must_use]
     pub const fn beyond_by(self, share: f32) -> Self {
-        Self { softness: 1.0 + share, min_softness: 1.0 + share, ..self }
+        Self { softness: 1.0 + share, shown: 1.0 + share, min_softness: 1.0 + share, ..self }
     }
 
     /// The same of a film that is `offset_m` (m) beside its model, until a plausible sensor shows where it is.
@@ -164,18 +166,26 @@ impl Motion {
         (self.ticks, self.sums, self.blocks, self.is_still) = (0, [0.0; 2], 0, false);
         self.lagged_m = f32::NAN;
         (self.means, self.peak_m) = ([0.0; 2], 0.0);
+        self.presumes = false;
         if !self.is_spoiled {
-            (self.softness, self.presumed) = (self.min_softness, 0);
+            (self.softness, self.shown, self.unshown) = (self.min_softness, self.min_softness, PRESUMED_BLOCKS);
         }
     }
 
-    /// Presumes, in the run that has just begun, that the film goes further than its model by a share of 0.15, until the sensor has shown how far it
-    /// goes. For a law that is not the one that was fitted: were it of another film, its first voltages would take this one too far before a late sensor
-    /// shows it. Without a plausible sensor nothing changes.
+    /// Presumes, until the sensor has shown in this run how far the film goes, that it goes further than its model by a share of 0.15. For a law that is not
+    /// the one that was fitted: were it of another film, its first voltages would take this one too far before a late sensor shows it. Without a plausible
+    /// sensor nothing changes before there is one.
     pub fn presume_softer(&mut self) {
+        self.presumes = self.is_spoiled;
         if !self.is_spoiled {
-            (self.presumed, self.shown) = (PRESUMED_BLOCKS, self.softness);
-            self.softness = if self.softness > PRESUMED { self.softness } else { PRESUMED };
+            self.presume_softer_now();
+        }
+    }
+
+    /// The same before there is a plausible sensor: for a film that is its own, which the run has to show.
+    pub(crate) const fn presume_softer_now(&mut self) {
+        if self.unshown > 0 && self.softness < PRESUMED {
+            self.softness = PRESUMED;
         }
     }
 
@@ -234,6 +244,10 @@ impl Motion {
         }
         self.compare(means, drive_m);
         if is_plausible {
+            if self.presumes {
+                self.presumes = false;
+                self.presume_softer_now();
+            }
             self.soften(means);
         }
     }
@@ -285,9 +299,9 @@ impl Motion {
                 if softness < MAX_SOFTNESS { softness } else { MAX_SOFTNESS }
             };
             (self.softness, self.shown) = (largest(self.softness), largest(self.shown));
-            if self.presumed > 0 {
-                self.presumed -= 1;
-                self.softness = if self.presumed > 0 { self.softness } else { self.shown };
+            if self.unshown > 0 {
+                self.unshown -= 1;
+                self.softness = if self.unshown > 0 { self.softness } else { self.shown };
             }
         }
     }

@@ -1,5 +1,6 @@
 //! A law that follows its film in the tick: by order, with the sensor, until the film has moved too far.
 
+use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
 use dea_driver::wire::{Answer, Command, Reject};
@@ -183,6 +184,56 @@ fn a_temperature_that_is_ordered_is_used() {
     }
     assert_eq!(state(&wrong), DriverState::Tripped(Cause::ModelDisplacement));
     assert!(furthest_m < 1e-3, "{furthest_m} m");
+}
+
+/// A temperature of another film, on one that is softer than its law, and a jump before a late sensor has shown that: the film counts as softer from the order
+/// on, within a run as well, and where a sample is lost as the run begins. It went to 1.18 times its stroke.
+#[test]
+fn a_temperature_of_another_film_keeps_the_stroke() {
+    let order = AdaptationOrder::Temperature { stiffness: 3.0, time: 1.0 };
+    for (mode, is_before, is_lost) in [Mode::Feedforward, Mode::Tracking]
+        .into_iter()
+        .flat_map(|mode| [(mode, true, false), (mode, true, true), (mode, false, false)])
+    {
+        let parameters = board_parameters();
+        let limits = Limits {
+            max_displacement_m: 1e-3,
+            max_disturbance_share: 0.4,
+            on_sensor_fault: OnSensorFault::OpenLoop,
+            ..parameters.limits
+        };
+        let parameters = Parameters { limits, ..parameters };
+        let mut late = VecDeque::from([None; 10]);
+        let mut bench = Bench { force_scale: 1.15, ..Bench::with(parameters) };
+        let mut furthest_m = 0.0f64;
+        let mut run = |bench: &mut Bench, ticks: u16, is_lost: bool| {
+            for _ in 0..ticks {
+                bench.controller.heartbeat();
+                bench.tick(|inputs| {
+                    late.push_back(inputs.sensor_adc_v);
+                    inputs.sensor_adc_v = late.pop_front().flatten().filter(|_| !is_lost);
+                });
+                furthest_m = furthest_m.max(bench.displacement_m);
+            }
+        };
+        let temperature = |bench: &mut Bench| bench.ask(|controller| controller.order_adaptation(order));
+        if is_before {
+            temperature(&mut bench).expect("within bounds");
+        }
+        // The law follows it within seconds.
+        run(&mut bench, 5000, false);
+        bench.ask(Controller::arm).expect("healthy");
+        run(&mut bench, 1, is_lost);
+        bench.ask(|controller| controller.start(mode)).expect("armed");
+        if !is_before {
+            temperature(&mut bench).expect("within bounds");
+            run(&mut bench, 5000, false);
+        }
+        bench.set_reference(0.85e-3);
+        run(&mut bench, 3000, false);
+        println!("{mode:?}, before: {is_before}, lost: {is_lost}: {furthest_m} m, {:?}", state(&bench));
+        assert!(furthest_m < 1.05e-3, "{mode:?}, before: {is_before}, lost: {is_lost}: {furthest_m} m");
+    }
 }
 
 /// The changes of a film are stored with the parameters, and used by the controller that is built from them: as good without a sensor as before.

@@ -167,6 +167,44 @@ fn a_film_is_as_soft_as_a_small_displacement_shows() {
     }
 }
 
+/// A law that changes within a run, and one whose sensor has lost a sample before it, count as well, once the sensor shows the film; a film that it has shown in
+/// this run does not.
+#[test]
+fn a_film_is_presumed_softer_within_a_run() {
+    let run = |motion: &mut Motion, model_m: f32| {
+        (0..LIMITS.stuck_ticks).for_each(|_| motion.record(model_m, model_m, || model_m, true, true));
+    };
+    let softness = |motion: &Motion| motion.furthest(1e-3) / 1e-3;
+    let mut motion = Motion::new(LIMITS);
+    motion.begin_run();
+    run(&mut motion, 0.0);
+    motion.presume_softer();
+    run(&mut motion, 0.0);
+    assert_eq!(softness(&motion), 1.15);
+    run(&mut motion, 1e-3);
+    run(&mut motion, 1e-3);
+    assert_eq!(softness(&motion), 1.0);
+    motion.presume_softer();
+    run(&mut motion, 1e-3);
+    assert_eq!(softness(&motion), 1.0);
+
+    let mut motion = Motion::new(LIMITS);
+    motion.record(f32::NAN, 0.0, || 0.0, false, false);
+    motion.begin_run();
+    motion.presume_softer();
+    (0..LIMITS.stuck_ticks).for_each(|_| motion.record(f32::NAN, 0.0, || 0.0, false, true));
+    assert_eq!(softness(&motion), 1.0, "no sensor would end it");
+    run(&mut motion, 0.0);
+    assert_eq!(softness(&motion), 1.15);
+    // It ends with the run.
+    motion.record(f32::NAN, 0.0, || 0.0, false, false);
+    let mut lost = motion;
+    (0..LIMITS.stuck_ticks).for_each(|_| lost.record(0.0, 0.0, || 0.0, true, false));
+    lost.begin_run();
+    run(&mut lost, 0.0);
+    assert_eq!(softness(&lost), 1.0);
+}
+
 /// A film whose law may be that of another is presumed softer until the sensor has shown it for ten blocks, in that run alone.
 #[test]
 fn a_film_is_presumed_softer_until_it_is_shown() {

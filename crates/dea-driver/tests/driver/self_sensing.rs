@@ -323,6 +323,31 @@ fn an_arc_may_heal_with_the_tone_on() {
     }
 }
 
+/// At a temperature of another film, a softer one went to 1.2 times its stroke before its own first samples.
+#[test]
+fn a_film_that_is_its_sensor_is_presumed_softer_until_it_is_shown() {
+    let mut parameters = sensed_parameters();
+    (parameters.limits.max_displacement_m, parameters.limits.max_disturbance_share) = (1e-3, 0.4);
+    let mut bench = Bench::with(parameters, true);
+    bench.film.force_scale = 1.15;
+    // Another sensor has shown that it is at rest.
+    bench.start(Mode::Voltage);
+    bench.film.ask(Controller::disarm).expect("running");
+    bench.has_sensor = false;
+    let order = AdaptationOrder::Temperature { stiffness: 3.0, time: 1.0 };
+    bench.film.ask(|controller| controller.order_adaptation(order)).expect("within bounds");
+    (0..5000).for_each(|_| drop(bench.tick(|_| ())));
+    bench.start(Mode::Tracking);
+    bench.film.set_reference(0.85e-3);
+    let mut furthest_m = 0.0f64;
+    for _ in 0..1500 {
+        bench.film.controller.heartbeat();
+        bench.tick(|_| ());
+        furthest_m = furthest_m.max(bench.film.displacement_m);
+    }
+    assert!(furthest_m < 1.1e-3, "{furthest_m} m, {:?}", bench.state());
+}
+
 /// A monitor of the current that lies so slowly that the controller takes it for a film that becomes stiffer, with a law that follows its film and
 /// without: the model that watches the stroke follows nothing of it.
 #[test]

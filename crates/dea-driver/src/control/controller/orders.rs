@@ -59,9 +59,7 @@ impl<M: ControllerMemory> Controller<M> {
         self.clear_target();
         self.mode = mode;
         self.motion.begin_run();
-        if !self.course.compensator().is_as_fitted() {
-            self.motion.presume_softer();
-        }
+        self.presume_softer();
         if self.is_history_assumed && self.motion.is_shown() {
             (self.open_loop, self.is_history_assumed) = (self.watched.state(), false);
         }
@@ -181,10 +179,25 @@ impl<M: ControllerMemory> Controller<M> {
             AdaptationOrder::Forget => self.course.forget_changes(),
             AdaptationOrder::Keep => self.parameters.adapted = self.learned(),
             AdaptationOrder::Temperature { stiffness, time } => {
-                return self.course.set_temperature_factors(stiffness, time);
+                self.course.set_temperature_factors(stiffness, time)?;
+                if self.supervisor.runs() {
+                    self.presume_softer();
+                }
             }
         }
         Ok(())
+    }
+
+    /// A film whose law is not the one that was fitted counts as softer, until its sensor has shown it in this run.
+    fn presume_softer(&mut self) {
+        if self.course.compensator().is_as_fitted() {
+            return;
+        }
+        if self.mode == Mode::Tracking && self.film_sensor.replaces() {
+            self.motion.presume_softer_now();
+        } else {
+            self.motion.presume_softer();
+        }
     }
 
     /// The changes that are in use; none for the law as it was fitted.
