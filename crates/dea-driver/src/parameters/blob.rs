@@ -247,6 +247,21 @@ pub enum BlobError {
     /// Self-sensing that was refused.
     #[error("self-sensing: {0}")]
     SelfSensing(SelfSensingError),
+    /// Self-sensing whose blocks are too long for the time within which a fault ends at 0 V.
+    #[error(
+        "three blocks of self-sensing and a tick take {taken_s:.3} s with {periods} periods at {rate_hz} Hz, {limit_s} s at the most: use fewer periods, or a \
+         higher rate_hz"
+    )]
+    SlowSelfSensing {
+        /// Periods of the tone in a block.
+        periods: u16,
+        /// Ticks per second.
+        rate_hz: f32,
+        /// Time in which a fault is found, s.
+        taken_s: f32,
+        /// Longest time, s.
+        limit_s: f32,
+    },
     /// A value that leaves no room for the tone of self-sensing, or that the film as a sensor is too slow for.
     #[error("{quantity} is {value}; with this self-sensing it must be {bound} {limit}")]
     SelfSensingNeeds {

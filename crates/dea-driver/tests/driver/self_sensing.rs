@@ -7,7 +7,7 @@ use dea_driver::{
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use springpot::{CapacitanceRelation, SelfSensingError};
+use springpot::{CapacitanceRelation, SelfSensingError, SelfSensingOptions};
 
 use crate::bench::{board_parameters, encoded};
 use crate::board::BOARD;
@@ -416,6 +416,19 @@ fn parameters_without_room_for_the_tone_are_refused() {
         let found = matches!(refused, Some(BlobError::SelfSensingNeeds { quantity, value, limit, .. })
             if quantity == name && value != limit);
         assert!(found, "{name}: {refused:?}");
+    }
+    // Of so many periods: three blocks may take a tenth of a second.
+    for (periods, is_refused) in [(8, false), (9, true)] {
+        let mut parameters = sensed_parameters();
+        let options = SelfSensingOptions { periods, ..sensor(&relation()).options() };
+        let current = sensor(&relation()).current().clone();
+        parameters.self_sensing = Some(dea_driver::SelfSensor::new(&relation(), options, current).expect("valid"));
+        let control = &mut parameters.control;
+        (control.sample_interval_s, control.delay_s) = (0.036, 0.022);
+        (control.max_velocity_m_per_s, control.bandwidth_hz) = (0.01, 0.5);
+        let refused = Blob::with_converters(parameters, &CONVERTERS).err().map(|error| error.to_string());
+        let reason = "three blocks of self-sensing and a tick take 0.109 s with 9 periods at 1000 Hz, 0.1 s at the most: use fewer periods, or a higher rate_hz";
+        assert_eq!(refused, is_refused.then(|| reason.into()), "{periods} periods");
     }
     let cable = CapacitanceRelation { rest_f: 90e-12, max_f: 120e-12, ..relation() };
     let other = sensor(&relation());

@@ -11,6 +11,9 @@ mod with_current {
     const REMEMBERED: u16 = 64;
     /// Blocks until the next sample at the latest, where the drive jumps.
     const MAX_BLOCKS: f32 = 5.0;
+    /// Blocks within which a fault is found, and the time that they and a tick may take, s.
+    const FINDS_BLOCKS: f32 = 3.0;
+    const MAX_FAULT_S: f32 = 0.1;
     /// Amplitudes of the tone in the range of the voltage: one at each end, and as much for the drive.
     const AMPLITUDES: f32 = 4.0;
 
@@ -69,6 +72,11 @@ mod with_current {
                 if rounded * value > most {
                     return Err(BlobError::SelfSensingNeeds { quantity, value, bound: "at most", limit: most });
                 }
+            }
+            let taken_s = FINDS_BLOCKS * interval_s + step_s;
+            if rounded * taken_s > MAX_FAULT_S {
+                let periods = options.periods;
+                return Err(BlobError::SlowSelfSensing { periods, rate_hz, taken_s, limit_s: MAX_FAULT_S });
             }
             Ok(())
         }
