@@ -52,6 +52,8 @@ mod with_current {
     use crate::parameters::{ControllerMemory, Parameters};
     use crate::safety::{Cause, OnSensorFault};
 
+    /// Blocks after a fall of the monitor's reading in which a fault may be that of an arc.
+    const ARC_BLOCKS: u16 = 3;
     /// Standard deviation of a displacement sensor that corrects the film, in the bands of its limits.
     const BANDS: f32 = 5.0;
 
@@ -77,8 +79,10 @@ mod with_current {
         current_a: Option<f32>,
         /// NaN until the first sample of a run.
         shown_m: f32,
-        /// Falls of the monitor's reading before sensing began.
+        /// Falls of the monitor's reading, and the ticks in which a fault may still be that of the last one.
         falls: u16,
+        arc_ticks: u16,
+        max_arc_ticks: u16,
         /// Whether the last sample was further from the one before than a plausible jump: it is used if the next one is as far.
         is_doubted: bool,
     }
@@ -101,6 +105,8 @@ mod with_current {
                 current_a: None,
                 shown_m: f32::NAN,
                 falls: 0,
+                arc_ticks: 0,
+                max_arc_ticks: ARC_BLOCKS * 4 * sensor.options().periods,
                 is_doubted: false,
             }))
         }
@@ -119,7 +125,7 @@ mod with_current {
             match &mut self.0 {
                 Some(parts) if parts.is_on => parts.sense(displacement_m, monitor_v, falls),
                 Some(parts) => {
-                    parts.falls = falls;
+                    (parts.falls, parts.arc_ticks) = (falls, 0);
                     Shown::by_sensor(displacement_m)
                 }
                 None => Shown::by_sensor(displacement_m),
@@ -187,6 +193,7 @@ mod with_current {
                 take.array("limits", [parts.amplitude_v, parts.variance_m2, parts.jump_m], "");
                 take.array("range", parts.range_m, "");
                 take.count("replaces", parts.replaces.into(), "");
+                take.count("arc", parts.max_arc_ticks.into(), "");
             }
         }
     }
@@ -198,9 +205,11 @@ mod with_current {
             let sensed = self.sensing.sense(&mut self.state, FilmReading { voltage_v: monitor_v, current_a });
             let sample = sensed.map(|sensed| sensed.sample).filter(|sample| self.is_believed(sample.displacement_m));
             self.shown_m = sample.map_or(self.shown_m, |sample| sample.displacement_m);
-            if self.state.fault().is_some() && falls != self.falls {
+            let ticks = if falls == self.falls { self.arc_ticks.saturating_sub(1) } else { self.max_arc_ticks };
+            (self.falls, self.arc_ticks) = (falls, ticks);
+            if self.state.fault().is_some() && self.arc_ticks > 0 {
                 // An arc, which may heal: sensing begins anew.
-                (self.state, self.falls) = (self.sensing.state(), falls);
+                (self.state, self.arc_ticks) = (self.sensing.state(), 0);
             }
             let fault = self.state.fault().map(|fault| match fault {
                 SelfSensingFault::NoTone => Cause::NoTone,

@@ -71,6 +71,14 @@ impl Bench {
         self.film.controller.supervisor().state()
     }
 
+    /// Ticks until it is disabled.
+    fn ends(&mut self) -> Option<u32> {
+        (1..200).find(|_| {
+            self.film.controller.heartbeat();
+            !self.tick(|_| ()).enable
+        })
+    }
+
     /// Ticks towards `reference_m` (m).
     fn run(&mut self, reference_m: impl Fn(f64) -> f64, ticks: u32) {
         for k in 0..ticks {
@@ -314,12 +322,26 @@ fn an_arc_may_heal_with_the_tone_on() {
 
         let mut lost = arced();
         lost.circuit.electrodes_ohm = 1e12;
-        let ends = (1..200).find(|_| {
-            lost.film.controller.heartbeat();
-            !lost.tick(|_| ()).enable
-        });
+        let ends = lost.ends();
         assert_eq!(lost.state(), DriverState::Tripped(Cause::Electrode), "at {at}, {lasts} ticks");
         assert!(ends.is_some_and(|ticks| ticks <= 160), "at {at}, {lasts} ticks: {ends:?}");
+    }
+}
+
+/// An arc that has healed earlier in the run delays nothing: it took 119 ms.
+#[test]
+fn what_breaks_after_an_arc_has_healed_ends_as_without_it() {
+    for at in 0..20 {
+        let mut bench = Bench::tracking();
+        bench.run(|time_s| 0.8e-3 * time_s.min(1.0), 1500 + at);
+        bench.film.controller.heartbeat();
+        bench.tick(|inputs| inputs.monitor_adc_v = Some(0.0));
+        bench.run(|_| 0.8e-3, 100);
+        assert_eq!((bench.state(), bench.film.controller.supervisor().falls()), (DriverState::Running, 1));
+        bench.circuit.electrodes_ohm = 1e12;
+        let ends = bench.ends();
+        assert_eq!(bench.state(), DriverState::Tripped(Cause::Electrode), "at {at}");
+        assert!(ends.is_some_and(|ticks| ticks <= 80), "at {at}: {ends:?}");
     }
 }
 
