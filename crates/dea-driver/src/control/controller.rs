@@ -238,8 +238,16 @@ impl<M: ControllerMemory> Controller<M> {
     pub(crate) fn take_film_of(&mut self, before: &Self) {
         self.supervisor.take_discharge_of(&before.supervisor);
         let left_m = before.motion.furthest(before.open_loop.position());
-        self.motion = self.motion.offset_by(left_m);
-        (self.open_loop, self.is_history_assumed) = (self.watched.state(), false);
+        let is_same_law =
+            (&self.parameters.law, self.parameters.rate_hz) == (&before.parameters.law, before.parameters.rate_hz);
+        if is_same_law && left_m.is_finite() {
+            // Nothing that a faulty sensor shows at 0 V can replace it.
+            self.motion = self.motion.with_film_of(&before.motion);
+            (self.open_loop, self.is_history_assumed) = (before.open_loop.clone(), before.is_history_assumed);
+        } else {
+            self.motion = self.motion.offset_by(left_m);
+            (self.open_loop, self.is_history_assumed) = (self.watched.state(), false);
+        }
     }
 
     /// The supervisor, to read its state.

@@ -146,6 +146,13 @@ impl Motion {
         Self { offset_m, ..self }
     }
 
+    /// The same of the film that `before` has compared with the same model: its offset stays, and its softness until a plausible sensor begins a run.
+    #[must_use]
+    pub const fn with_film_of(self, before: &Self) -> Self {
+        let softness = if before.softness > self.softness { before.softness } else { self.softness };
+        Self { softness, shown: softness, offset_m: before.offset_m, ..self }
+    }
+
     /// The share of [`beyond_by`](Self::beyond_by).
     #[cfg(feature = "loop-test")]
     pub(crate) const fn min_margin(&self) -> f32 {

@@ -116,9 +116,8 @@ impl Bench {
         if self.last.is_none() && self.is_assumed {
             return false;
         }
-        let left_m = self.motion.furthest(self.film.position());
-        self.motion = Motion::new(self.parameters.limits.sensor).beyond_by(self.margin).offset_by(left_m);
-        (self.film, self.is_assumed) = (self.law.state(), false);
+        // The law is the same: its model goes on.
+        self.motion = Motion::new(self.parameters.limits.sensor).beyond_by(self.margin).with_film_of(&self.motion);
         self.last = None;
         self.disturbance_n = 0.0;
         false
