@@ -54,6 +54,7 @@ const PRESUMED_BLOCKS: u8 = 10;
 /// assert!(!motion.is_frozen(true) && (motion.furthest(1e-3) / 1.43e-3 - 1.0).abs() < 0.02);
 /// ```
 #[derive(Clone, Copy, Debug)]
+#[allow(clippy::struct_excessive_bools)] // no two of them are one state
 pub struct Motion {
     band_m: f32,
     block_ticks: u32,
