@@ -76,7 +76,8 @@ fn a_full_disk_leaves_no_folder() {
     let replay = "replay --params preset:table3-n2 wang-5s.csv --out new/results";
     // No file may hold a byte; the write fails as it does on a full disk.
     let on_full_disk = |line: &str| shell(&bench, "trap '' XFSZ; ulimit -f 0", line).output().expect("runs");
-    for arguments in [replay, "demo --out new/results", "man --out new/results"] {
+    let library = "export --params preset:table3-n2 --emit arduino --out new/results";
+    for arguments in [replay, "demo --out new/results", "man --out new/results", library] {
         let output = on_full_disk(arguments);
         let line = utf8(&output.stderr);
         assert_eq!((output.status.code(), line.lines().count()), (Some(2), 1), "{line}");

@@ -142,7 +142,8 @@ impl Source {
         // Removed again if they stay empty.
         let mut folders = Vec::new();
         for folder in files.iter().filter_map(|(path, _)| path.parent()).filter(|_| is_folder) {
-            folders.push(Folder::at(folder)?);
+            // The last that was made is the first to be removed: it may be in one before.
+            folders.insert(0, Folder::at(folder)?);
         }
         let staged: Vec<Staged> = files
             .iter()

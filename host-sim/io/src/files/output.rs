@@ -13,6 +13,9 @@ use crate::terminal;
 /// Refuses, before long work begins, a file that could not be written later or that is one of `inputs`. With
 /// [`Folders::AreMade`] missing folders are no fault.
 pub fn check(path: &Path, inputs: &[&Path], made: Folders) -> Result<()> {
+    if path.as_os_str() == "-" {
+        return Err(Error::file(path, "is no file: results are written to files; name one"));
+    }
     if let Ok(target) = path.canonicalize()
         && let Some(input) = inputs.iter().find(|input| input.canonicalize().is_ok_and(|input| input == target))
     {
@@ -171,15 +174,22 @@ pub fn stage_rows(
 /// The refusal of a file that the disk has no room for.
 pub fn size_notice(bytes: f64, free: Option<u64>) -> std::result::Result<Option<String>, String> {
     const LARGE: f64 = 500e6;
-    let shown = format!("{:.1} GB", 1e-9 * bytes);
+    let shown = size(bytes);
     match free {
         Some(free) if bytes > free as f64 => {
-            let free = 1e-9 * free as f64;
-            Err(format!("needs about {shown}, the disk has {free:.1} GB; write fewer rows or to another disk"))
+            let free = size(free as f64);
+            Err(format!("needs about {shown}, the disk has {free}; write fewer rows or to another disk"))
         }
         _ if bytes > LARGE => Ok(Some(format!("about {shown} are written"))),
         _ => Ok(None),
     }
+}
+
+/// So many `bytes` with their unit.
+fn size(bytes: f64) -> String {
+    let units = [("GB", 1e9), ("MB", 1e6)];
+    let (unit, each) = units.into_iter().find(|(_, each)| bytes >= 0.1 * each).unwrap_or(("kB", 1e3));
+    format!("{:.1} {unit}", bytes / each)
 }
 
 /// Bytes that the disk of `folder` has for its user; none where the system does not say.

@@ -100,4 +100,6 @@ fn large_files_are_announced() {
     assert_eq!(size_notice(5.7e9, None), Ok(Some("about 5.7 GB are written".into())));
     let refusal = "needs about 0.4 GB, the disk has 0.1 GB; write fewer rows or to another disk";
     assert_eq!(size_notice(400e6, Some(100_000_000)), Err(refusal.into()));
+    let refusal = "needs about 41.2 kB, the disk has 4.1 kB; write fewer rows or to another disk";
+    assert_eq!(size_notice(41_200.0, Some(4096)), Err(refusal.into()));
 }
