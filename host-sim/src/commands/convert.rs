@@ -7,9 +7,11 @@ use serde::Serialize;
 
 use super::choice::named;
 use super::recordings::{self, RecordingOptions};
-use crate::error::{Error, Result, shown};
+use super::with_flags;
+use crate::error::{Result, shown};
 use crate::files::material_test::{MaterialTest, Strain};
 use crate::files::output::{self, Folders};
+use crate::files::parameters::plausibility;
 use crate::quantity;
 use crate::terminal::{self, decimals};
 
@@ -46,15 +48,12 @@ struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    for (option, value) in [("length", arguments.length), ("area", arguments.area)] {
-        if let Some(value) = value.filter(|value| !(1e-12..=1e6).contains(value)) {
-            return Err(Error::field(option, format!("{value:?} must be from 1e-12 to 1e6")));
-        }
-    }
+    plausibility::check_body(arguments.length, arguments.area)?;
     output::check(&arguments.out, &[&arguments.test], Folders::Exist)?;
     let path = &arguments.test;
     let test = MaterialTest::read(path, &arguments.reading.hints())?;
     recordings::report_understood(&test.understood);
+    terminal::warnings(false, test.doubt().map(|doubt| format!("{}: {}", shown(path), with_flags(&doubt))));
     let (displacement, force) =
         (test.displacement_m(arguments.length, arguments.strain)?, test.force_n(arguments.area)?);
     output::write_columns(

@@ -6,6 +6,8 @@ use crate::choice;
 use crate::error::{Error, Result};
 use crate::files::import::{Hints, Names, Quantity, Understood};
 use crate::files::layout::Layout;
+use crate::files::parameters::plausibility::implausible_stretch;
+use crate::terminal::rounded;
 
 const STRETCH: &Names = &[("stretch", "")];
 const STRESS: &Names = &[("nominal_stress_pa", "Pa"), ("nominal_stress_kpa", "kPa"), ("nominal_stress_mpa", "MPa")];
@@ -62,6 +64,9 @@ impl Strain {
     }
 }
 
+/// Strain of the first row without doubt.
+const MAX_FIRST_STRAIN: f64 = 0.5;
+
 /// A material test in SI units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialTest {
@@ -116,6 +121,18 @@ impl MaterialTest {
                     let cause = format!("stretch is {value} at {at} s; it is length over original length");
                     return Err(Error::file(path, cause));
                 }
+                let implausible = |(k, stretch): (usize, &f64)| Some((k, implausible_stretch(*stretch)?));
+                if let Some((k, in_percent)) = stretch.iter().enumerate().find_map(implausible) {
+                    let advice = if in_percent {
+                        let column = understood.number(Quantity::Stretch);
+                        format!("in percent? Then name the column with its factor: `columns` stretch={column}*0.01")
+                    } else {
+                        "check its unit".into()
+                    };
+                    let (value, at) = (stretch[k], table.time_s[k]);
+                    let cause = format!("stretch is {value} at {at} s; it is length over original length: {advice}");
+                    return Err(Error::file(path, cause));
+                }
                 Deformation::Stretch(stretch)
             }
             (false, displacement) => Deformation::Displacement(displacement),
@@ -125,6 +142,19 @@ impl MaterialTest {
             (false, force) => Load::Force(force),
         };
         Ok(Self { time_s: table.time_s, understood, deformation, load })
+    }
+
+    /// The doubt about a test that does not begin near the unstretched length, from which displacements count.
+    #[must_use]
+    pub fn doubt(&self) -> Option<String> {
+        let Deformation::Stretch(stretch) = &self.deformation else { return None };
+        let first = stretch.first().filter(|first| (*first - 1.0).abs() > MAX_FIRST_STRAIN)?;
+        Some(format!(
+            "the first stretch is {first}, where a body at rest has 1, from which the displacements count: of a prestretched film divide \
+             the stretches by that at rest, as in `columns` stretch={}*{}",
+            self.understood.number(Quantity::Stretch),
+            rounded(1.0 / first)
+        ))
     }
 
     /// Displacement (m) of a body of `length_m`, unstretched, along the load: its `strain` times its length.

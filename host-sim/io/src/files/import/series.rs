@@ -77,6 +77,11 @@ impl Understood {
         self.columns.iter().find(|column| column.quantity == quantity).map(|column| column.factor)
     }
 
+    /// Number of the column of `quantity`, from one; 0 if there is none.
+    pub fn number(&self, quantity: Quantity) -> usize {
+        self.columns.iter().find(|column| column.quantity == quantity).map_or(0, |column| column.column)
+    }
+
     /// One line: `time = "Zeit [s]" (s), …`.
     pub fn line(&self) -> String {
         let column = |column: &UnderstoodColumn| {

@@ -68,9 +68,9 @@ const UNITS: &[(Unit, &[&str], &[&str])] = &[
     (unit(Quantity::Displacement, "nm", 1e-9), &["nm"], &["nanometer", "nanometers", "nanometre", "nanometres"]),
     (unit(Quantity::Displacement, "in", 25.4e-3), &["in"], &["inch", "inches"]),
     (unit(Quantity::Displacement, "mil", 25.4e-6), &["mil", "mils", "thou"], &[]),
-    (unit(Quantity::Stress, "Pa", 1.0), &["Pa"], &["pascal"]),
-    (unit(Quantity::Stress, "kPa", 1e3), &["kPa"], &["kilopascal"]),
-    (unit(Quantity::Stress, "MPa", 1e6), &["MPa", "N/mm²", "N/mm2"], &["megapascal"]),
+    (unit(Quantity::Stress, "Pa", 1.0), &["Pa", "pa"], &["pascal"]),
+    (unit(Quantity::Stress, "kPa", 1e3), &["kPa", "kpa"], &["kilopascal"]),
+    (unit(Quantity::Stress, "MPa", 1e6), &["MPa", "mpa", "N/mm²", "N/mm2"], &["megapascal"]),
 ];
 
 /// Interpretation of a text as a unit.

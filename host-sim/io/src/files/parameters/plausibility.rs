@@ -3,7 +3,7 @@
 use springpot::{Actuator, ActuatorError, CapacitanceRelation, EPSILON_0, GRAVITY, SelfSensing, SelfSensingOptions};
 
 use super::{Board, Parameters, as_written};
-use crate::error;
+use crate::error::{self, Error};
 use crate::terminal::rounded;
 
 /// A quantity with the values that films have, in SI units, and others that people write it in.
@@ -22,6 +22,18 @@ const SIDE: Quantity =
 /// Films from 0.1 µm to 5 mm thick.
 const THICKNESS: Quantity =
     Quantity { symbol: "m", min: 1e-7, max: 5e-3, units: &[("millimetres", 1e-3), ("micrometres", 1e-6)] };
+/// Cross-sections of bodies as wide and thick as films may be.
+const AREA: Quantity = Quantity {
+    symbol: "m²",
+    min: SIDE.min * THICKNESS.min,
+    max: SIDE.max * THICKNESS.max,
+    units: &[("square millimetres", 1e-6), ("square centimetres", 1e-4), ("square micrometres", 1e-12)],
+};
+/// Stretches of elastomers.
+const STRETCH: std::ops::RangeInclusive<f64> = 0.05..=15.0;
+/// Readings of displacement sensors at x = 0, of either sign.
+const OFFSET: Quantity =
+    Quantity { symbol: "m", min: -1.0, max: 1.0, units: &[("millimetres", 1e-3), ("micrometres", 1e-6)] };
 /// Weights up to 20 kg, or none.
 const MASS: Quantity = Quantity { symbol: "kg", min: 0.0, max: 20.0, units: &[("grams", 1e-3)] };
 /// A fit may find any permittivity, as it scales the force.
@@ -54,6 +66,11 @@ const MAX_NOISE: f64 = 0.1;
 impl Quantity {
     /// The fault of the value of `name`, and the value that is likely meant.
     fn fault(&self, name: &str, value: f64) -> Option<String> {
+        Some(format!("{name} = {value} is {}", self.advice(value)?))
+    }
+
+    /// The same without the name.
+    fn advice(&self, value: f64) -> Option<String> {
         let holds = |value: f64| (self.min..=self.max).contains(&value);
         if holds(value) {
             return None;
@@ -62,12 +79,12 @@ impl Quantity {
         let meant = self.units.iter().find(|(_, size)| holds(value * size));
         let advice = match meant {
             Some((unit, size)) => match short(value * size) {
-                meant if meant < 1e-6 => format!("is it in {unit}? write {meant:e}"),
+                meant if meant.abs() < 1e-6 => format!("is it in {unit}? write {meant:e}"),
                 meant => format!("is it in {unit}? write {meant}"),
             },
             None => format!("films have {min} to {max} {symbol}"),
         };
-        Some(format!("{name} = {value} is {value} {symbol}: {advice}"))
+        Some(format!("{value} {symbol}: {advice}"))
     }
 }
 
@@ -121,13 +138,42 @@ pub(super) fn check_board(board: &Board) -> Result<(), String> {
     board.self_sensing.as_ref().map_or(Ok(()), |sensing| check_self_sensing(&sensing.relation, &sensing.options))
 }
 
-/// Refuses capacitances, a stroke and a tone that no film has, and monitors whose noise hides the stroke.
-pub(in crate::files) fn check_self_sensing(
-    relation: &CapacitanceRelation,
-    options: &SelfSensingOptions,
-) -> Result<(), String> {
+/// Refuses a length (m) along the load and a cross-section (m²) that no body has.
+///
+/// # Errors
+///
+/// [`Error::Field`] naming the one that is at fault, with the unit that it is likely in.
+pub fn check_body(length_m: Option<f64>, area_m2: Option<f64>) -> crate::Result<()> {
+    for (field, value, quantity) in [("length_m", length_m, SIDE), ("area_m2", area_m2, AREA)] {
+        if let Some(cause) = value.and_then(|value| quantity.advice(value)) {
+            return Err(Error::field(field, cause));
+        }
+    }
+    Ok(())
+}
+
+/// Whether no elastomer has this `stretch`, and then whether it is likely in percent.
+pub(in crate::files) fn implausible_stretch(stretch: f64) -> Option<bool> {
+    let holds = |stretch| STRETCH.contains(&stretch);
+    (!holds(stretch)).then(|| holds(1e-2 * stretch))
+}
+
+/// Refuses a reading at x = 0 (m) that no displacement sensor has.
+///
+/// # Errors
+///
+/// The fault, with the unit that it is likely in.
+pub fn check_offset(offset_m: f64) -> Result<(), String> {
+    if !offset_m.is_finite() {
+        return Err(format!("offset_m = {offset_m} must be finite"));
+    }
+    OFFSET.fault("offset_m", offset_m).map_or(Ok(()), Err)
+}
+
+/// Faults of capacitances, a stroke and a tone that no film has.
+pub fn self_sensing_faults(relation: &CapacitanceRelation, options: &SelfSensingOptions) -> Vec<String> {
     let CapacitanceRelation { rest_f, max_f, .. } = *relation;
-    let stroke_m = relation.displacement_of_change(max_f / rest_f - 1.0);
+    let stroke_m = stroke_m(relation);
     let values = [
         ("rest_f", rest_f, CAPACITANCE),
         ("max_f", max_f, CAPACITANCE),
@@ -136,13 +182,25 @@ pub(in crate::files) fn check_self_sensing(
         ("the stroke by stroke_m", if stroke_m > 0.0 { short(stroke_m) } else { STROKE.min }, STROKE),
         ("tone_v", options.tone_v, TONE),
     ];
-    let faults: Vec<String> =
-        values.iter().filter_map(|(name, value, quantity)| quantity.fault(name, *value)).collect();
+    values.iter().filter_map(|(name, value, quantity)| quantity.fault(name, *value)).collect()
+}
+
+/// Displacement at the largest capacitance of `relation`, m.
+fn stroke_m(relation: &CapacitanceRelation) -> f64 {
+    relation.displacement_of_change(relation.max_f / relation.rest_f - 1.0)
+}
+
+/// Refuses capacitances, a stroke and a tone that no film has, and monitors whose noise hides the stroke.
+pub(in crate::files) fn check_self_sensing(
+    relation: &CapacitanceRelation,
+    options: &SelfSensingOptions,
+) -> Result<(), String> {
+    let faults = self_sensing_faults(relation, options);
     if !faults.is_empty() {
         return Err(format!("self-sensing: {}", faults.join("; ")));
     }
-    let noise =
-        SelfSensing::<f64>::new(relation, *options).map_or(0.0, |film| film.noise_m(options.tone_v, 1.0) / stroke_m);
+    let noise = SelfSensing::<f64>::new(relation, *options)
+        .map_or(0.0, |film| film.noise_m(options.tone_v, 1.0) / stroke_m(relation));
     if noise > MAX_NOISE {
         return Err(format!(
             "self-sensing: the noise of the monitors alone is {:.0} % of the stroke: check voltage_noise_v, current_noise_a and their units",
