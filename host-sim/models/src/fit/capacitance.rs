@@ -1,5 +1,6 @@
 //! The relation of capacitance and displacement, from a recording that has both.
 
+use host_io::terminal::rounded;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use springpot::{
@@ -10,6 +11,7 @@ use springpot::{
 use crate::error::{Error, Result};
 use crate::files::capacitance::{CapacitanceFile, ToneRecording};
 use crate::files::parameters::Board;
+use crate::files::parameters::plausibility::self_sensing_faults;
 use crate::statistics::{self, differences, noise, peak, sorted};
 
 /// Capacitance and displacement of the same block.
@@ -331,6 +333,7 @@ pub fn identify(recording: &ToneRecording, cable_f: f64) -> Result<(CapacitanceF
     }
     let fitted = fit(&samples, options.sample_interval_s())?;
     let relation = fitted.relation;
+    check_units(&relation, &options)?;
     // Noise by the relation that was found.
     let sensing = SelfSensing::<f64>::new(&CapacitanceRelation { uncertainty_m: 1e-12, ..relation }, options)
         .map_err(|error| refused(error.to_string()))?;
@@ -351,6 +354,57 @@ pub fn identify(recording: &ToneRecording, cable_f: f64) -> Result<(CapacitanceF
         max_f: relation.max_f,
     };
     Ok((CapacitanceFile { relation, options }, report))
+}
+
+/// Units that columns of such recordings are written in by mistake, with their sizes.
+const OTHER_UNITS: [(&str, &str, f64); 8] = [
+    ("voltage_v", "kV", 1e3),
+    ("voltage_v", "mV", 1e-3),
+    ("current_a", "mA", 1e-3),
+    ("current_a", "µA", 1e-6),
+    ("current_a", "nA", 1e-9),
+    ("current_a", "pA", 1e-12),
+    ("displacement_m", "mm", 1e-3),
+    ("displacement_m", "µm", 1e-6),
+];
+/// Capacitance (F), tone (V) and stroke (m) of a usual film, beside which the likeliest unit is found.
+const USUAL: [f64; 3] = [1e-9, 50.0, 1e-3];
+
+/// Refuses what no film has, with the column whose unit is likely another.
+fn check_units(relation: &CapacitanceRelation, options: &SelfSensingOptions) -> Result<()> {
+    let faults = self_sensing_faults(relation, options);
+    if faults.is_empty() {
+        return Ok(());
+    }
+    let [rest_f, tone_v] = [relation.rest_f, options.tone_v];
+    let stroke_m = relation.displacement_of_change(relation.max_f / rest_f - 1.0);
+    // How far from usual films it is with a column in that unit, if it is plausible then.
+    let with = |&(column, _, size): &(&str, &str, f64)| -> Option<f64> {
+        let size_of = |name: &str| if name == column { size } else { 1.0 };
+        let (volts, metres) = (size_of("voltage_v"), size_of("displacement_m"));
+        let farads = size_of("current_a") / volts;
+        let scaled = CapacitanceRelation {
+            rest_f: farads * rest_f,
+            max_f: farads * relation.max_f,
+            stroke_m: relation.stroke_m.map(|term| metres * term),
+            ..*relation
+        };
+        let found = SelfSensingOptions { tone_v: volts * tone_v, ..*options };
+        let values = [scaled.rest_f, found.tone_v, metres * stroke_m];
+        let distance = values.iter().zip(USUAL).map(|(value, usual)| (value / usual).ln().abs()).sum();
+        self_sensing_faults(&scaled, &found).is_empty().then_some(distance)
+    };
+    let likely = OTHER_UNITS.iter().filter_map(|unit| Some((unit, with(unit)?)));
+    let advice = match likely.min_by(|(_, one), (_, other)| one.total_cmp(other)) {
+        Some(((column, unit, size), _)) => format!("is {column} in {unit}? multiply it by {size:e}"),
+        None => format!("check the units of the columns and of the cable ({})", faults.join("; ")),
+    };
+    Err(Error::Computation(format!(
+        "a tone of {} V, {} F at rest and a stroke of {} m are not those of a film: {advice}",
+        rounded(tone_v),
+        rounded(rest_f),
+        rounded(stroke_m)
+    )))
 }
 
 /// Smallest difference of two values that are not the same.
