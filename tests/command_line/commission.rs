@@ -26,6 +26,7 @@ fn a_bad_bench_has_a_record_that_names_it_and_does_not_pass() {
 
     let verified = bench.says_no("verify sitting/record.json");
     assert_eq!((number(&verified["files"]), &verified["passed"]), (2.0, &false.into()));
+    assert_eq!(bench.says_no("verify sitting"), verified, "the folder of the record");
     for file in ["ramp.json", "record.html", "record.json"] {
         let path = bench.path("sitting").join(file);
         let bytes = fs::read(&path).expect("read");
@@ -33,6 +34,16 @@ fn a_bad_bench_has_a_record_that_names_it_and_does_not_pass() {
         changed[bytes.len() / 2] ^= 1;
         fs::write(&path, changed).expect("written");
         names(&bench.fails("verify sitting/record.json"), &[file, "was changed"]);
+        fs::write(&path, bytes).expect("written");
+    }
+    #[cfg(unix)]
+    for file in ["ramp.json", "record.json"] {
+        let path = bench.path("sitting").join(file);
+        let bytes = fs::read(&path).expect("read");
+        fs::remove_file(&path).expect("removed");
+        std::os::unix::fs::symlink("/dev/zero", &path).expect("linked");
+        names(&bench.fails("verify sitting"), &[file]);
+        fs::remove_file(&path).expect("removed");
         fs::write(&path, bytes).expect("written");
     }
     // A sitting that does not come to its end.

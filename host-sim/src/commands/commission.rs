@@ -380,7 +380,7 @@ fn text(report: &Report, record: &Path) -> String {
 
 #[derive(Debug, Args)]
 pub(super) struct VerifyArguments {
-    /// Record that `commission` wrote, beside its files.
+    /// Record that `commission` wrote, beside its files; or the folder with both.
     #[arg(value_name = "RECORD")]
     record: PathBuf,
     /// Public key of minisign: the signature in RECORD.minisig must be by its owner.
@@ -400,11 +400,15 @@ struct Verified<'a> {
 }
 
 pub(super) fn verify(arguments: &VerifyArguments, json: bool) -> Result<Verdict> {
-    let record = seal::verify(&arguments.record)?;
-    let signed = arguments.key.as_ref().map(|key| seal::signed(&arguments.record, key)).transpose()?;
+    let path = match arguments.record.is_dir() {
+        true => arguments.record.join(RECORD),
+        false => arguments.record.clone(),
+    };
+    let record = seal::verify(&path)?;
+    let signed = arguments.key.as_ref().map(|key| seal::signed(&path, key)).transpose()?;
     let verdict = record.get("verdict");
     let verified = Verified {
-        record: shown(&arguments.record),
+        record: shown(&path),
         files: record.get("files").and_then(|files| files.as_array()).map_or(0, Vec::len),
         passed: verdict.and_then(|verdict| verdict.get("passed")?.as_bool()).unwrap_or(false),
         sentence: verdict.and_then(|verdict| verdict.get("sentence")?.as_str()).unwrap_or_default(),

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use springpot::{CapacitanceRelation, SelfSensingOptions};
 
 use crate::error::{Error, Result};
+use crate::files::bounded;
 use crate::files::parameters::plausibility::check_self_sensing;
 
 /// A recording at the ticks of a tone, in SI units.
@@ -27,6 +28,10 @@ pub struct ToneRecording {
 const COLUMNS: [&str; 4] = ["time_s", "voltage_v", "current_a", "displacement_m"];
 /// Bytes in which the names of the columns are.
 const MAX_HEADER: u64 = 1 << 16;
+/// Largest recording, in bytes: some hours at 1 kHz.
+const MAX_RECORDING: u64 = 1 << 29;
+/// Largest file with a relation, in bytes.
+const MAX_FILE: u64 = 1 << 20;
 /// Largest deviation of a time from its tick, in ticks.
 const UNEVEN: f64 = 0.05;
 
@@ -48,8 +53,7 @@ impl ToneRecording {
     ///
     /// [`Error`] naming the file and line of the first thing that cannot be used.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = fs::read_to_string(path).map_err(|error| Error::file(path, error))?;
-        Self::from_csv(path, &text)
+        Self::from_csv(path, &bounded::read_text(path, MAX_RECORDING, "a recording with a tone")?)
     }
 
     /// Reads a recording from CSV text; `path` is what errors name.
@@ -58,13 +62,17 @@ impl ToneRecording {
         let mut lines = lines.filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
         let Some((line, header)) = lines.next() else { return Err(Error::file(path, "is empty")) };
         let names: Vec<&str> = header.split(',').map(str::trim).collect();
-        let mut places = [0; 4];
-        for (place, wanted) in places.iter_mut().zip(COLUMNS) {
-            *place = names.iter().position(|name| *name == wanted).ok_or_else(|| {
-                let cause = format!("no column {wanted}; a recording for self-sensing has {}", COLUMNS.join(", "));
-                Error::line(path, line, cause)
-            })?;
-        }
+        let found = COLUMNS.map(|wanted| names.iter().position(|name| *name == wanted));
+        let [Some(time), Some(voltage), Some(current), Some(displacement)] = found else {
+            let missing = COLUMNS.iter().zip(found).filter(|(_, place)| place.is_none());
+            let cause = format!(
+                "no column {}; a recording for self-sensing has {}: rename others, and convert their numbers to s, V, A and m",
+                missing.map(|(name, _)| *name).collect::<Vec<_>>().join(", "),
+                COLUMNS.join(", ")
+            );
+            return Err(Error::line(path, line, cause));
+        };
+        let places = [time, voltage, current, displacement];
         let mut columns: [Vec<f64>; 4] = Default::default();
         for (line, row) in lines {
             let cells: Vec<&str> = row.split(',').map(str::trim).collect();
@@ -115,7 +123,7 @@ impl CapacitanceFile {
     ///
     /// [`Error::File`] for a file that has another content, and values that no film has.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = fs::read_to_string(path).map_err(|error| Error::file(path, error))?;
+        let text = bounded::read_text(path, MAX_FILE, "a relation of capacitance and displacement")?;
         let file: Self = toml::from_str(&text).map_err(|error| {
             let cause = error.message().to_owned();
             Error::file(

@@ -1,6 +1,7 @@
 //! Files that are read and written: recordings, logs, material tests, parameters, results.
 
 pub mod amplifier_log;
+pub(crate) mod bounded;
 pub mod capacitance;
 pub mod digest;
 pub mod drop_outs;

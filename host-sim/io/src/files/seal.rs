@@ -9,13 +9,16 @@ use minisign_verify::{PublicKey, Signature};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::{digest, output};
+use super::{bounded, digest, output};
 use crate::error::{Error, Result};
 
 const KEY: &str = ",\"seal\":\"";
 const END: &str = "\"}\n";
 /// Hexadecimal digits of SHA-256.
 const DIGITS: usize = 64;
+/// Largest record, and largest key or signature, in bytes.
+const MAX_RECORD: u64 = 1 << 26;
+const MAX_KEY: u64 = 1 << 16;
 
 /// A file of a record.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,6 +36,10 @@ pub fn chain(files: &[PathBuf]) -> Result<Vec<SealedFile>> {
     let mut before = String::new();
     let link = |path: &PathBuf| {
         let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        // A device has no end.
+        if path.metadata().is_ok_and(|there| !there.is_file()) {
+            return Err(Error::file(path, "is not a file; take the original"));
+        }
         let sha256 = digest::sha256(path)?;
         before = digest::of_bytes(format!("{before}\n{file}\n{sha256}").as_bytes());
         Ok(SealedFile { file, sha256, chain: before.clone() })
@@ -59,7 +66,7 @@ pub fn write(path: &Path, record: &impl Serialize, files: &[PathBuf]) -> Result<
 ///
 /// [`Error::File`] naming the file that was changed, or that cannot be read.
 pub fn verify(path: &Path) -> Result<Map<String, Value>> {
-    let bytes = std::fs::read(path).map_err(|e| Error::file(path, e))?;
+    let bytes = bounded::read(path, MAX_RECORD, "a record")?;
     let changed = || Error::file(path, "was changed since it was sealed, or is no record; take the original");
     let text = String::from_utf8(bytes).map_err(|_| changed())?;
     let at = text.len().checked_sub(KEY.len() + DIGITS + END.len()).ok_or_else(changed)?;
@@ -90,20 +97,21 @@ pub fn verify(path: &Path) -> Result<Map<String, Value>> {
 ///
 /// [`Error::File`] for a file that cannot be read or is of another kind, and for a signature of another file or by another key.
 pub fn signed(path: &Path, key: &Path) -> Result<String> {
-    let read = |path: &Path| std::fs::read(path).map_err(|e| Error::file(path, e));
-    let text = |path: &Path| Ok::<_, Error>(String::from_utf8_lossy(&read(path)?).into_owned());
+    let text = |path: &Path, kind: &str| {
+        Ok::<_, Error>(String::from_utf8_lossy(&bounded::read(path, MAX_KEY, kind)?).into_owned())
+    };
     let mut name = path.as_os_str().to_owned();
     name.push(".minisig");
     let beside = Path::new(&name);
-    let public = PublicKey::decode(&text(key)?).map_err(|_| {
+    let public = PublicKey::decode(&text(key, "a public key of minisign")?).map_err(|_| {
         Error::file(key, "is no public key of minisign; give the file that `minisign -G` wrote as .pub")
     })?;
     if !beside.exists() {
         return Err(Error::file(beside, "there is no signature beside the record; `minisign -S` writes one"));
     }
-    let signature = Signature::decode(&text(beside)?)
+    let signature = Signature::decode(&text(beside, "a signature of minisign")?)
         .map_err(|_| Error::file(beside, "is no signature of minisign; sign the record again with `minisign -S`"))?;
-    public.verify(&read(path)?, &signature, false).map_err(|_| {
+    public.verify(&bounded::read(path, MAX_RECORD, "a record")?, &signature, false).map_err(|_| {
         Error::file(beside, format!("is no signature of {} by the key in {}", path.display(), key.display()))
     })?;
     Ok(signature.trusted_comment().to_owned())

@@ -1,12 +1,15 @@
 //! The description of a supply, as TOML.
 
-use std::fs;
 use std::path::Path;
 
 use serde::Deserialize;
 
 use super::template::Template;
 use crate::error::{Error, Result};
+use crate::files::bounded;
+
+/// Largest description, in bytes.
+const MAX_FILE: u64 = 1 << 20;
 
 /// The description of a supply.
 #[derive(Clone, Debug, Deserialize)]
@@ -110,7 +113,7 @@ impl Supply {
             let cause = format!("{name:?} is unknown; use {}, or a file such as supply.toml", known.join(", "));
             return Err(Error::field("supply", cause));
         }
-        Self::from_toml(path, &fs::read_to_string(path).map_err(|e| Error::file(path, e))?)
+        Self::from_toml(path, &bounded::read_text(path, MAX_FILE, "a description of a supply")?)
     }
 
     /// The description in `text`; `path` is what errors name.

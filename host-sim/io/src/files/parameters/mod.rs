@@ -9,8 +9,6 @@ pub mod plausibility;
 mod spring;
 mod temperature;
 
-use std::fs::File;
-use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
@@ -19,6 +17,7 @@ use springpot::{Actuator, Discretisation, Maxwell, Preset, Spring, TemperatureDe
 use toml::Spanned;
 
 use crate::error::{Error, Result, short};
+use crate::files::bounded;
 pub use board::{Board, SelfSensing, as_written, below_resonance};
 pub use curve::{ElasticCurve, Shape};
 pub use film::{Film, controller_rate};
@@ -296,17 +295,7 @@ fn text_of(path: &Path) -> Result<String> {
     if path.is_dir() {
         return Err(Error::file(path, "is a directory; name a parameter file (TOML) or preset:NAME"));
     }
-    let mut bytes = Vec::new();
-    let file = File::open(path).map_err(|e| Error::file(path, e))?;
-    // A pipe has no length beforehand.
-    file.take(MAX_FILE + 1).read_to_end(&mut bytes).map_err(|e| Error::file(path, e))?;
-    if bytes.len() as u64 > MAX_FILE {
-        return Err(Error::file(path, format!("more than {MAX_FILE} bytes; this is not a parameter file")));
-    }
-    String::from_utf8(bytes).map_err(|e| {
-        let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
-        Error::line(path, line as u64, "not UTF-8 text; this is not a TOML parameter file")
-    })
+    bounded::read_text(path, MAX_FILE, "a TOML parameter file")
 }
 
 /// A text whose errors name its lines.

@@ -1,0 +1,56 @@
+//! Files that are read as a whole, up to a size that none of their kind has: a device has no end.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
+/// Bytes that show whether a file is text.
+const HEAD: u64 = 1 << 16;
+
+/// Returns the bytes of the file at `path`, of which `kind` has at most `max`.
+///
+/// # Errors
+///
+/// [`Error::File`] for a file that cannot be read or is larger.
+pub(crate) fn read(path: &Path, max: u64, kind: &str) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    read_on(path, &mut open(path)?, &mut bytes, max, kind)?;
+    Ok(bytes)
+}
+
+/// The same as text.
+///
+/// # Errors
+///
+/// As [`read`], and for what is not UTF-8 or begins with bytes of 0.
+pub(crate) fn read_text(path: &Path, max: u64, kind: &str) -> Result<String> {
+    let (mut file, mut bytes) = (open(path)?, Vec::new());
+    file.by_ref().take(HEAD).read_to_end(&mut bytes).map_err(|error| Error::file(path, error))?;
+    let not_text = format!("not UTF-8 text; this is not {kind}");
+    // Before all of it is read.
+    if bytes.first() == Some(&0) {
+        return Err(Error::line(path, 1, not_text));
+    }
+    read_on(path, &mut file, &mut bytes, max, kind)?;
+    String::from_utf8(bytes).map_err(|error| {
+        let line = 1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
+        Error::line(path, line as u64, not_text)
+    })
+}
+
+fn open(path: &Path) -> Result<File> {
+    File::open(path).map_err(|error| Error::file(path, error))
+}
+
+/// Reads the rest of `file` behind `bytes`.
+fn read_on(path: &Path, file: &mut File, bytes: &mut Vec<u8>, max: u64, kind: &str) -> Result<()> {
+    // A pipe has no length beforehand.
+    let rest = (max + 1).saturating_sub(bytes.len() as u64);
+    file.take(rest).read_to_end(bytes).map_err(|error| Error::file(path, error))?;
+    if bytes.len() as u64 > max {
+        return Err(Error::file(path, format!("more than {max} bytes; this is not {kind}")));
+    }
+    Ok(())
+}
