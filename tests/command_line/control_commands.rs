@@ -105,6 +105,12 @@ fn observe_estimates_a_recording() {
     }
     bench.json("observe --params soft.toml hossain-5s.csv --out out.csv --every 500");
     assert_eq!(bench.column("out.csv", "time_s")[..3], [0.0, 0.5, 1.0]);
+    // Another unit, or another film: the force scale shows it.
+    assert!(report["force_scale_note"].is_null(), "{report}");
+    let doubled = "observe --params soft.toml hossain-5s.csv --out out.csv --columns voltage=2*2";
+    let note = bench.json(doubled)["force_scale_note"].clone();
+    names(note.as_str().expect("a note"), &["hossain-5s.csv: the force scale ends at 0.", "soft.toml", "the unit"]);
+    names(&String::from_utf8_lossy(&bench.run(doubled).stderr), &["warning", "the force scale ends at 0."]);
 }
 
 /// A sensor of 4 Hz is too slow for 0.6 Hz: the default is the most that it allows.

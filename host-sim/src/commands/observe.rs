@@ -58,7 +58,13 @@ struct Report {
     rate_hz: f64,
     #[serde(flatten)]
     observed: ObserverSummary,
+    /// The doubt about a force scale that ends far from 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    force_scale_note: Option<String>,
 }
+
+/// Deviation of the force scale from 1 without doubt. Its bounds, 0.25 and 4, are beyond.
+const MAX_CHANGE: f64 = 0.5;
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let tuning = Tuning::new(arguments.bandwidth, arguments.adaptation)?;
@@ -80,10 +86,21 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let rows = arguments.rows(recording.time_s(), grid);
     let table = stage(&arguments.out, grid, &rows, &run.voltage_v, &estimates)?;
     let observed = estimates.summary();
-    let report = Report { out: shown(&arguments.out), rate_hz: grid.rate_hz, observed };
+    let is_far = (observed.force_scale - 1.0).abs() > MAX_CHANGE;
+    let force_scale_note = is_far.then(|| {
+        format!(
+            "{}: the force scale ends at {}, where 1 is the film of {}: check the sign and the unit of displacement and voltage, or fit the \
+             film of this recording",
+            shown(recording.path()),
+            decimals(observed.force_scale, 2),
+            arguments.law.params
+        )
+    });
+    let report = Report { out: shown(&arguments.out), rate_hz: grid.rate_hz, observed, force_scale_note };
     let title = format!("Observer over {}", shown(&arguments.recording));
     let drawn = plot.stage(&report, || Figure::new(title, panels(&parameters, &estimates, grid)))?;
     [Some(table), drawn].into_iter().flatten().try_for_each(Staged::commit)?;
+    terminal::warnings(json, &report.force_scale_note);
     terminal::report(json, &report, || {
         format!(
             "{}: {} sensor samples, bandwidth {} Hz, innovation {} µm RMS, at the end disturbance {} N and force scale {}",

@@ -41,6 +41,11 @@ impl Fit {
             board: None,
             provenance: None,
         };
+        plausibility::check_offset(parameters.sensor_offset_m).map_err(|cause| {
+            Error::Computation(format!(
+                "the readings at rest: {cause}; state the unit of the displacement in the recordings"
+            ))
+        })?;
         if parameters.spring.is_some() {
             // As the file is read: over the whole of its curves, of which a recording may show a part.
             parameters.film().compressed_law::<f64>(1000.0).map_err(|error| {

@@ -184,10 +184,8 @@ impl Parameters {
             .map_err(|e| place.error(file.model.place_of(&e).unwrap_or(0..0), short(&e)))?;
         let offset = file.sensor.as_ref().map(|sensor| &sensor.offset_m);
         let sensor_offset_m = offset.map_or(0.0, |offset| *offset.get_ref());
-        if !sensor_offset_m.is_finite() {
-            let cause = format!("offset_m = {sensor_offset_m} must be finite");
-            return Err(place.error(offset.map_or(0..0, toml::Spanned::span), cause));
-        }
+        plausibility::check_offset(sensor_offset_m)
+            .map_err(|cause| place.error(offset.map_or(0..0, toml::Spanned::span), cause))?;
         let delay = file.sensor.as_ref().and_then(|sensor| sensor.delay_s.as_ref());
         let sensor_delay_s = delay.map_or(0.0, |delay| *delay.get_ref());
         if sensor_delay_s.is_nan() || sensor_delay_s.abs() > MAX_SENSOR_DELAY_S {
