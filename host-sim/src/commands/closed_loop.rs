@@ -95,8 +95,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "S", value_parser = quantity::seconds, requires = "harmonics")]
     period: Option<f64>,
     /// Factor on the film's stiffness: the same as --plant-mismatch stiffness=FACTOR.
-    #[arg(long, value_name = "FACTOR", value_parser = quantity::number, default_value_t = 1.0)]
-    stiffness: f64,
+    #[arg(long, value_name = "FACTOR", value_parser = quantity::number)]
+    stiffness: Option<f64>,
     #[command(flatten)]
     limits: LimitOptions,
     #[command(flatten)]
@@ -222,9 +222,10 @@ struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    if !(0.2..=5.0).contains(&arguments.stiffness) {
-        return Err(Error::field("stiffness", format!("{:?} must be from 0.2 to 5", arguments.stiffness)));
+    if let Some(factor) = arguments.stiffness.filter(|factor| !(0.2..=5.0).contains(factor)) {
+        return Err(Error::field("stiffness", format!("{factor:?} must be from 0.2 to 5")));
     }
+    let mismatch = arguments.mismatch()?;
     let parameters = arguments.temperature.load(&arguments.params)?;
     let mut limits = arguments.limits.limits(parameters.board.as_ref())?;
     let own_sensor = arguments.self_sensing.as_deref().map(CapacitanceFile::read).transpose()?;
@@ -261,8 +262,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         controllers::build(arguments.controller, &parameters, &settings, arguments.precision).map_err(about)?;
 
     let run = match &own_sensor {
-        Some(file) => arguments.tracked_by_itself(file, controller.as_mut(), &reference, grid),
-        None => arguments.tracked(&bench, controller.as_mut(), &reference, grid),
+        Some(file) => arguments.tracked_by_itself(file, controller.as_mut(), (&reference, grid), mismatch),
+        None => arguments.tracked(&bench, controller.as_mut(), (&reference, grid), mismatch),
     };
     let run = run.map_err(about)?;
     let is_chosen = arguments.bandwidth.is_none() && arguments.controller.has_observer();
@@ -288,11 +289,23 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 }
 
 impl Arguments {
-    fn mismatch(&self) -> Mismatch {
-        let start = Mismatch { stiffness: self.stiffness, ..Mismatch::NONE };
-        self.plant_mismatch.iter().fold(start, |so_far, factor| match *factor {
-            MismatchFactor::Stiffness(factor) => Mismatch { stiffness: so_far.stiffness * factor, ..so_far },
-            MismatchFactor::Alpha(factor) => Mismatch { alpha: so_far.alpha * factor, ..so_far },
+    /// The change of the film: each quantity is given once.
+    fn mismatch(&self) -> Result<Mismatch> {
+        let (mut stiffness, mut alpha) = (None, None);
+        let given = self.stiffness.map(MismatchFactor::Stiffness);
+        for factor in given.iter().chain(&self.plant_mismatch) {
+            let (name, before) = match *factor {
+                MismatchFactor::Stiffness(factor) => ("stiffness", stiffness.replace(factor)),
+                MismatchFactor::Alpha(factor) => ("alpha", alpha.replace(factor)),
+            };
+            if before.is_some() {
+                let cause = format!("{name} is given twice; give one factor, which is the whole change");
+                return Err(Error::field("plant_mismatch", cause));
+            }
+        }
+        Ok(Mismatch {
+            stiffness: stiffness.unwrap_or(Mismatch::NONE.stiffness),
+            alpha: alpha.unwrap_or(Mismatch::NONE.alpha),
         })
     }
 
@@ -301,11 +314,10 @@ impl Arguments {
         &self,
         bench: &BenchModel,
         controller: &mut (dyn Controller + Send),
-        reference: &[f64],
-        grid: Grid,
+        (reference, grid): (&[f64], Grid),
+        mismatch: Mismatch,
     ) -> Result<LoopRun> {
         let bar = Progress::over(grid.samples as u64, "closed loop");
-        let mismatch = self.mismatch();
         let run = match &self.plant {
             PlantChoice::Nonlinear(_) if self.plant_temperature.is_some() => {
                 return Err(Error::field(
@@ -338,10 +350,9 @@ impl Arguments {
         &self,
         file: &CapacitanceFile,
         controller: &mut (dyn Controller + Send),
-        reference: &[f64],
-        grid: Grid,
+        (reference, grid): (&[f64], Grid),
+        mismatch: Mismatch,
     ) -> Result<LoopRun> {
-        let mismatch = self.mismatch();
         let PlantChoice::Nonlinear(film) = &self.plant else {
             return Err(Error::field(
                 "self_sensing",
