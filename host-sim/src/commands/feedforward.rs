@@ -12,7 +12,7 @@ use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
 use crate::progress::Progress;
-use crate::replay::expectation::Expectation;
+use crate::replay::expectation::{Expectation, Recorded};
 use crate::replay::feasibility::{self, Binding, Feasibility, Limit, Smaller};
 use crate::replay::feedforward::{self, VoltagePlan};
 use crate::report::axis::{DISPLACEMENT, MICROMETRES, VOLTAGE};
@@ -56,6 +56,9 @@ struct Report {
     largest_voltage_v: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     check: Option<Feasibility>,
+    /// Why no error is expected of what was checked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error_note: Option<String>,
     /// Note on the electric field, if the film's sizes are assumed.
     #[serde(skip_serializing_if = "Option::is_none")]
     field_note: Option<String>,
@@ -80,6 +83,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
         limits_met: None,
         largest_voltage_v: None,
         check: check.map_err(about)?,
+        error_note: (arguments.check && Recorded::from_parameters(&parameters).is_none()).then(|| {
+            format!(
+                "no error is stated: {} has no record of its recordings, which a fit writes",
+                arguments.model.law.params
+            )
+        }),
         field_note: options::field_note(&parameters),
     };
     if arguments.out.is_some() || plot.is_wanted() {
@@ -129,6 +138,7 @@ fn text(report: &Report) -> String {
     let mut lines = Vec::new();
     if let Some(check) = &report.check {
         lines.extend(verdict(check));
+        lines.extend(report.error_note.clone());
     }
     if let (Some(out), Some(largest), Some(met)) = (&report.out, report.largest_voltage_v, &report.limits_met) {
         let met = LimitShare::text(met);
@@ -196,6 +206,9 @@ fn verdict(check: &Feasibility) -> Vec<String> {
             )
         )),
         _ if check.feasible => None,
+        _ if check.high_m <= 0.0 => Some(
+            "a film only moves to positive displacements, and the reference only to negative ones: change its sign, or add an offset to it".into(),
+        ),
         _ => Some("neither an offset nor a smaller stroke makes it feasible: it must be slower".into()),
     });
     lines

@@ -8,6 +8,7 @@ use super::flags::with_flags;
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::{Board, Parameters, plausibility};
 use crate::files::recording::Recording;
+use crate::fit::check_recorded;
 use crate::quantity;
 use crate::replay::limits::command_limits;
 use crate::replay::memory::{MemoryChoice, Precision, RunOptions};
@@ -16,6 +17,7 @@ use crate::terminal;
 /// The parameters named on the command line; doubts about their sizes are warnings.
 pub(super) fn load(name: &str) -> Result<Parameters> {
     let parameters = Parameters::load(name)?;
+    check_recorded(&parameters).map_err(|cause| Error::file(name.as_ref(), cause))?;
     doubt(name, &parameters.doubts());
     Ok(parameters)
 }

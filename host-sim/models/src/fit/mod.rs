@@ -50,6 +50,7 @@ pub use observation::ReadingFit;
 use observation::{Excitation, Observation, Reading};
 pub use options::FitOptions;
 pub use preparation::{Severity, Warning};
+pub use provenance::check_recorded;
 pub use report::FitReport;
 pub use residuals::Loss;
 use search::{Search, Selected};

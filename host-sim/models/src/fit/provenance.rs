@@ -107,6 +107,56 @@ impl Fit {
     }
 }
 
+/// Checks the record of the recordings in the provenance of `parameters`, from which the error of feedforward is expected, if there is one.
+///
+/// # Errors
+///
+/// The key that cannot be used, and what to do.
+pub fn check_recorded(parameters: &Parameters) -> std::result::Result<(), String> {
+    let Some(value) = parameters.provenance.as_ref().and_then(|provenance| provenance.get("recorded")) else {
+        return Ok(());
+    };
+    let refused = |fault: &str| {
+        format!("[provenance.recorded] {fault}: fit again, or remove the table, without which no error is expected")
+    };
+    let recorded: Recorded = value
+        .clone()
+        .try_into()
+        .map_err(|error: toml::de::Error| refused(&error.to_string().trim().replace('\n', ", ").replace('`', "\"")))?;
+    if let Some((key, _)) = value.as_table().into_iter().flatten().find(|(_, value)| !is_finite(value)) {
+        return Err(refused(&format!("{key} must be finite")));
+    }
+    let Recorded { voltage_v, speed_m_per_s, time_s, left_out_m, misfit_m, fault_m, lag_s, jitter_s, .. } = recorded;
+    let sizes = [
+        ("voltage_v", voltage_v),
+        ("speed_m_per_s", speed_m_per_s),
+        ("time_s", time_s),
+        ("left_out_m", left_out_m),
+        ("misfit_m", misfit_m),
+        ("fault_m", fault_m),
+        ("lag_s", lag_s),
+        ("jitter_s", jitter_s),
+    ];
+    if let Some((key, value)) = sizes.iter().find(|(_, value)| *value < 0.0) {
+        return Err(refused(&format!("{key} = {value} must not be negative")));
+    }
+    let [low_m, high_m] = recorded.stroke_m;
+    if low_m > high_m {
+        return Err(refused(&format!("stroke_m = [{low_m}, {high_m}] must not fall")));
+    }
+    Ok(())
+}
+
+/// Whether all numbers in `value` are finite.
+fn is_finite(value: &Value) -> bool {
+    match value {
+        Value::Float(number) => number.is_finite(),
+        Value::Array(values) => values.iter().all(is_finite),
+        Value::Table(table) => table.values().all(is_finite),
+        _ => true,
+    }
+}
+
 /// A recording with the digest of its file, and the agreement with it.
 fn recording(source: &Recording, agreement: &Agreement) -> Result<Value> {
     let mut table = Table::new();
