@@ -319,7 +319,7 @@ fn monitors_of_16_bits_suffice_and_of_12_do_not() {
     assert!(refused.contains("no tone"), "{refused}");
 }
 
-/// Columns in other units than their names have show a film that is none.
+/// Columns in other units than their names have are those of no film.
 #[test]
 fn columns_in_other_units_are_refused_with_the_unit() {
     let good = recording(16, 50.0);

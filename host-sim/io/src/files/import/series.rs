@@ -77,7 +77,7 @@ impl Understood {
         self.columns.iter().find(|column| column.quantity == quantity).map(|column| column.factor)
     }
 
-    /// Number of the column of `quantity`, from one; 0 if there is none.
+    /// Number of the column of `quantity`, from one; 0 if it is missing.
     pub fn number(&self, quantity: Quantity) -> usize {
         self.columns.iter().find(|column| column.quantity == quantity).map_or(0, |column| column.column)
     }
