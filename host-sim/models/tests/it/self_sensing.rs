@@ -324,17 +324,21 @@ fn monitors_of_16_bits_suffice_and_of_12_do_not() {
 fn columns_in_other_units_are_refused_with_the_unit() {
     let good = recording(16, 50.0);
     let scaled = |values: &[f64], size: f64| values.iter().map(|value| size * value).collect::<Vec<_>>();
-    let cases: [(&str, fn(&mut ToneRecording) -> &mut Vec<f64>, f64); 5] = [
-        ("is current_a in µA? multiply it by 1e-6", |r| &mut r.current_a, 1e6),
-        ("is current_a in nA? multiply it by 1e-9", |r| &mut r.current_a, 1e9),
-        ("is voltage_v in kV? multiply it by 1e3", |r| &mut r.voltage_v, 1e-3),
-        ("is displacement_m in mm? multiply it by 1e-3", |r| &mut r.displacement_m, 1e3),
-        ("is displacement_m in µm? multiply it by 1e-6", |r| &mut r.displacement_m, 1e6),
+    // Factors on voltage, current and displacement.
+    let cases = [
+        ("is current_a in µA? multiply it by 1e-6", [1.0, 1e6, 1.0]),
+        ("is current_a in nA? multiply it by 1e-9", [1.0, 1e9, 1.0]),
+        ("is voltage_v in kV? multiply it by 1e3", [1e-3, 1.0, 1.0]),
+        ("is displacement_m in mm? multiply it by 1e-3", [1.0, 1.0, 1e3]),
+        ("is displacement_m in µm? multiply it by 1e-6", [1.0, 1.0, 1e6]),
     ];
-    for (advice, column, size) in cases {
-        let mut wrong = good.clone();
-        let values = column(&mut wrong);
-        *values = scaled(values, size);
+    for (advice, [volts, amperes, metres]) in cases {
+        let wrong = ToneRecording {
+            voltage_v: scaled(&good.voltage_v, volts),
+            current_a: scaled(&good.current_a, amperes),
+            displacement_m: scaled(&good.displacement_m, metres),
+            step_s: good.step_s,
+        };
         let refused = capacitance::identify(&wrong, 0.0).expect_err(advice).to_string();
         assert!(refused.ends_with(advice), "{refused}");
     }
