@@ -102,7 +102,7 @@ fn scouted(thinned: &[Observation]) -> Option<Vec<Observation>> {
     let beginnings: Vec<Observation> = thinned.iter().map(beginning).collect();
     // A beginning in which nothing is measured, or nothing happens, is of no use.
     let useful = |o: &Observation| {
-        let [measured, drive] = [&o.measured.value, &o.input.samples().value].map(|values| range(values));
+        let [measured, drive] = [&o.measured.value, &o.input.samples().value].map(range);
         o.measured.value.len() >= 100 && measured.0 < measured.1 && drive != (0.0, 0.0)
     };
     (share < 1.0 && beginnings.iter().all(useful)).then_some(beginnings)

@@ -141,6 +141,8 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
     let first = (0..reference.len()).find(|&k| below[k] || above[k]);
     let settled = ((RISE_S * grid.rate_hz) as usize).min(reference.len() - 1);
     let (low_m, high_m) = range(&reference[settled..]);
+    // One that is held has no swing.
+    let swing_m = if high_m > low_m { high_m - low_m } else { high_m.abs() };
     let least = demand.least_offset(&below, low_m, high_m);
     let most_offset_m = demand.most_offset(low_m, high_m);
     let least_offset_m = (least.is_finite() && most_offset_m.is_none_or(|most| least <= most)).then_some(least);
@@ -167,7 +169,8 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
         amplifier,
         binding,
         expectation: Recorded::from_parameters(parameters)
-            .map(|recorded| recorded.expectation(parameters, reference, grid, high_m - low_m, voltage_v)),
+            .filter(|_| swing_m > 0.0)
+            .map(|recorded| recorded.expectation(parameters, reference, grid, swing_m, voltage_v)),
         smaller: None,
     })
 }
