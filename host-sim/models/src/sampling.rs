@@ -1,4 +1,4 @@
-//! What is lost of a series where a model samples it: gaps between its rows, and motion between the model's steps.
+//! Losses of a series where a model samples it: gaps between its rows, and motion between the model's steps.
 
 use crate::grid::{Grid, Samples};
 use crate::statistics::{change, differences, median};
@@ -14,7 +14,7 @@ pub fn remarks(samples: &Samples, rate_hz: f64) -> Vec<String> {
     gap(&samples.time_s).into_iter().chain(between).collect()
 }
 
-/// What straight lines between the steps of a model miss of `samples`, row by row, as shares of their range.
+/// Differences of `samples` and straight lines between the steps of a model, row by row, as shares of their range.
 pub(crate) fn missed(samples: &Samples, rate_hz: f64) -> Vec<f64> {
     let duration_s = samples.time_s.last().copied().unwrap_or(0.0);
     let Ok(grid) = Grid::covering(duration_s, rate_hz) else { return Vec::new() };

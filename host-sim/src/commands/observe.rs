@@ -77,12 +77,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let plot = arguments.plot.check(&inputs, &[&arguments.out])?;
     let run = ObservedRecording::from_recording(&recording, arguments.law.rate)?;
     let grid = run.grid;
-    report_sampling(&recording, &recording.drive()?, grid.rate_hz);
     let bar = Progress::over(grid.samples as u64, "observe");
     let estimates = run
         .estimate(&parameters, tuning, arguments.precision, &bar)
         .map_err(|e| e.about(&arguments.law.params, recording.path()))?;
     bar.finish_and_clear();
+    report_sampling(&recording, &recording.drive()?, grid.rate_hz);
     let rows = arguments.rows(recording.time_s(), grid);
     let table = stage(&arguments.out, grid, &rows, &run.voltage_v, &estimates)?;
     let observed = estimates.summary();

@@ -107,7 +107,6 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         .iter()
         .map(|recording| Comparison::new(recording, arguments.drive, &parameters, options.rate_hz))
         .collect::<Result<Vec<Comparison<'_>>>>()?;
-    comparisons.iter().for_each(|run| report_sampling(run.recording(), &run.input, options.rate_hz));
     let outputs = match &arguments.out {
         Some(folder) => output_paths(folder, &recordings, &arguments.model.law.params)?.into_iter().map(Some).collect(),
         None => vec![None; comparisons.len()],
@@ -157,6 +156,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         json,
         report.without_response.iter().map(|row| format!("{}: left out: {}", row.file, row.cause)),
     );
+    comparisons.iter().for_each(|run| report_sampling(run.recording(), &run.input, options.rate_hz));
     terminal::warnings(json, &report.field_note);
     terminal::report(json, &report, || format!("{}\n{}", table(&report), how(&options)))
 }

@@ -55,10 +55,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let grid = recording.grid(options.rate_hz)?;
     let bar = Progress::over(grid.samples as u64, "simulate");
     let drive = recording.drive()?;
-    report_sampling(&recording, &drive, options.rate_hz);
     let response = simulate::response(&parameters, &drive, grid, &options, &bar)
         .map_err(|e| e.about(&arguments.model.law.params, recording.path()))?;
     bar.finish_and_clear();
+    report_sampling(&recording, &drive, options.rate_hz);
     let table = response.stage(&arguments.out, grid, &[])?;
     let report = Report {
         out: shown(&arguments.out),

@@ -1,11 +1,10 @@
 //! Files as instruments and programs write them: each gives the samples from which it was written, or asks, and gives them once it is
 //! answered.
 
-use host_io::choice::Choice;
-use host_io::files::import::{Decimal, Fill, Hints, RepeatedTimes};
+use host_io::files::import::Hints;
 use host_io::files::recording::Recording;
 
-use super::lab_files::{Folder, Sample, difference, has, rows, samples, usual};
+use super::lab_files::{Folder, Sample, difference, has, hints, rows, samples, usual};
 
 /// A file, words of its question, if there is one, and the answer: see `files/README.md`.
 struct File {
@@ -96,26 +95,6 @@ fn value(name: &str, k: usize, sample: &Sample) -> String {
         other => panic!("{other}"),
     };
     (value + more.parse().unwrap_or(0.0)).to_string()
-}
-
-/// The hints of `text`.
-pub fn hints(text: &str) -> Hints {
-    let mut hints = Hints::default();
-    for (key, value) in text.split(' ').filter_map(|part| part.split_once('=')) {
-        let number = || value.parse().expect(text);
-        match key {
-            "columns" => hints.choices = value.parse().expect(text),
-            "header" => hints.header_line = Some(number()),
-            "segment" => hints.segment = Some(value.parse().expect(text)),
-            "rate" => hints.rate_hz = Some(value.parse().expect(text)),
-            "decimal" => hints.decimal = Decimal::from_name(value),
-            "repeated" => hints.repeated_times = RepeatedTimes::from_name(value),
-            "fill" => hints.fill = Fill::from_name(value),
-            "words" => hints.words = value.split(',').map(str::to_owned).collect(),
-            other => panic!("{other}"),
-        }
-    }
-    hints
 }
 
 /// Rows of the samples, each written by `row` with its number.

@@ -6,8 +6,29 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use host_io::Error;
-use host_io::files::import::Hints;
+use host_io::choice::Choice;
+use host_io::files::import::{Decimal, Fill, Hints, RepeatedTimes};
 use host_io::files::recording::Recording;
+
+/// The hints of `text`.
+pub fn hints(text: &str) -> Hints {
+    let mut hints = Hints::default();
+    for (key, value) in text.split(' ').filter_map(|part| part.split_once('=')) {
+        let number = || value.parse().expect(text);
+        match key {
+            "columns" => hints.choices = value.parse().expect(text),
+            "header" => hints.header_line = Some(number()),
+            "segment" => hints.segment = Some(value.parse().expect(text)),
+            "rate" => hints.rate_hz = Some(value.parse().expect(text)),
+            "decimal" => hints.decimal = Decimal::from_name(value),
+            "repeated" => hints.repeated_times = RepeatedTimes::from_name(value),
+            "fill" => hints.fill = Fill::from_name(value),
+            "words" => hints.words = value.split(',').map(str::to_owned).collect(),
+            other => panic!("{other}"),
+        }
+    }
+    hints
+}
 
 /// A row of the samples.
 #[derive(Clone, Copy, Debug)]
@@ -99,9 +120,9 @@ impl Folder {
         read(&self.file("film.txt", content), columns)
     }
 
-    /// Reads with the answers of `hints`, which [`super::instruments::hints`] understands.
+    /// Reads with the answers of `hints`, which [`hints`] understands.
     pub fn read_with(&self, content: impl AsRef<[u8]>, hints: &str) -> Result<Recording, Error> {
-        Recording::read_with(&self.file("film.txt", content), &super::instruments::hints(hints))
+        Recording::read_with(&self.file("film.txt", content), &self::hints(hints))
     }
 
     /// The error of a file that must be refused, on one line that names the file.

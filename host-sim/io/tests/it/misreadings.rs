@@ -5,8 +5,7 @@ use std::fmt::Write;
 use host_io::files::import::Hints;
 use host_io::files::recording::Recording;
 
-use super::instruments::hints;
-use super::lab_files::{Folder, Sample, below, difference, fixture, has, rows, samples, usual};
+use super::lab_files::{Folder, Sample, below, difference, fixture, has, hints, rows, samples, usual};
 
 /// Headers above time, voltage and displacement, and one column more: what the question says, and the answer.
 #[test]

@@ -4,8 +4,7 @@ use host_io::files::import::Hints;
 use host_io::files::recording::Recording;
 
 use super::cut_files::Noise;
-use super::instruments::hints;
-use super::lab_files::{Folder, Sample, below, difference, has, rows, samples, usual};
+use super::lab_files::{Folder, Sample, below, difference, has, hints, rows, samples, usual};
 
 /// The rows of the samples, at 8 Hz, below a `preamble` and names.
 fn file(preamble: &str, separator: &str, decimal: char) -> String {

@@ -30,7 +30,7 @@ fn check(board: &str, volts: impl Fn(f64) -> f64) -> Feasibility {
     let grid = Grid::covering(DURATION_S, 1000.0).expect("a grid");
     let path: Vec<f64> = grid.times_s().into_iter().map(|t| 0.5e-3 * (volts(t) / 4000.0).powi(2)).collect();
     let board = parameters.board.clone().expect("a board");
-    // A voltage that is let go of begins to fall at once.
+    // A voltage that is released begins to fall at once.
     let limits = CommandLimits { max_acceleration_m_per_s2: 10.0, ..board.command_limits() };
     feasibility::check(&parameters, &path, grid, &limits).expect("a check")
 }

@@ -93,7 +93,7 @@ fn a_reference_beyond_the_stroke_of_the_board_is_not_feasible() {
     }
 }
 
-/// What a model steps over is remarked, in proportion to what there is.
+/// Motion that a model steps over, and rows that are missing.
 #[test]
 fn motion_between_steps_and_gaps_are_remarked() {
     let mut random = Pcg64::seed_from_u64(83);

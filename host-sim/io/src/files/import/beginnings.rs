@@ -1,7 +1,7 @@
 //! Beginnings of channels: rows of channels that begin at different times are not at one time.
 
 use super::Quantity;
-use super::chosen::Reading;
+use super::chosen::Chosen;
 use super::clock;
 use super::lines::Fault;
 use super::numbers::{self, Decimal};
@@ -38,17 +38,17 @@ pub fn stated(rows: &[(u64, &[String])], decimal: Option<Decimal>) -> Vec<Beginn
     rows.iter().filter_map(of_row).collect()
 }
 
-/// Refuses columns that by their [`Beginnings`] begin at different times, with rows at `clock_s`.
+/// Refuses `chosen` columns that by these `beginnings` begin at different times, with rows at `clock_s`.
 ///
 /// # Errors
 ///
 /// The line and what to do.
-pub fn refuse(Reading { source, chosen, titles }: Reading<'_>, clock_s: &[f64]) -> Result<(), Fault> {
+pub fn refuse(beginnings: &[Beginnings], chosen: &[Chosen], columns: usize, clock_s: &[f64]) -> Result<(), Fault> {
     let [first, .., last] = clock_s else { return Ok(()) };
     let interval_s = (last - first) / (clock_s.len() - 1) as f64;
-    for Beginnings { line, name, cells_s } in source.head().map_or(&[][..], |head| &head.beginnings) {
+    for Beginnings { line, name, cells_s } in beginnings {
         let is_read = |index: usize| {
-            cells_s.len() != titles.len() || chosen.iter().any(|c| c.index == index && c.quantity != Quantity::Time)
+            cells_s.len() != columns || chosen.iter().any(|c| c.index == index && c.quantity != Quantity::Time)
         };
         let mut read = cells_s.iter().enumerate().filter(|(index, _)| is_read(*index)).filter_map(|(_, time)| *time);
         let Some(one) = read.next() else { continue };

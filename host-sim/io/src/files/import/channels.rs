@@ -2,10 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use super::chosen::Reading;
 use super::clock;
 use super::lines::Fault;
 use super::names::Title;
+use super::reading::Reading;
 use super::source::{Source, Value};
 use super::words::is_of;
 

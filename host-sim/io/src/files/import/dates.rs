@@ -1,8 +1,9 @@
 //! Dates and days in a column of their own, beside times that do not have them.
 
-use super::chosen::{By, Chosen, Reading};
+use super::chosen::{By, Chosen};
 use super::clock;
 use super::lines::Fault;
+use super::reading::Reading;
 use super::source::Value;
 use super::words::is_of;
 

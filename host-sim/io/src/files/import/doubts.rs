@@ -1,7 +1,8 @@
 //! Files that may be read in two ways although their columns are known: each is refused with what to do.
 
-use super::chosen::{By, Chosen, Reading};
+use super::chosen::{By, Chosen};
 use super::lines::Fault;
+use super::reading::Reading;
 use super::separator::Separator;
 use super::source::{Source, Value};
 use super::{beginnings, channels, clock, dates, shifted, short, sources};
@@ -27,7 +28,8 @@ pub fn refuse_rows(reading: Reading<'_>, clock_s: &[f64]) -> Result<(), Fault> {
     let Reading { source, chosen, titles } = reading;
     if let Source::Text(_, table) = source {
         let rows = || table.rows().flatten();
-        let by_comma = || shifted::by_milliseconds(rows(), reading).filter(|_| table.separator == Separator::Comma);
+        let by_comma =
+            || shifted::by_milliseconds(rows(), titles, chosen).filter(|_| table.separator == Separator::Comma);
         if let Some(fault) = shifted::by_counts(rows(), titles).or_else(by_comma).filter(|_| is_named(chosen)) {
             return Err(fault);
         }
@@ -36,7 +38,8 @@ pub fn refuse_rows(reading: Reading<'_>, clock_s: &[f64]) -> Result<(), Fault> {
             short::refuse(rows(), titles.len(), last, table.decimal)?;
         }
     }
-    beginnings::refuse(reading, clock_s)?;
+    let beginnings = source.head().map_or(&[][..], |head| &head.beginnings);
+    beginnings::refuse(beginnings, chosen, titles.len(), clock_s)?;
     sources::refuse(reading)?;
     let Some(time) = reading.time() else { return Ok(()) };
     refuse_hours(reading, time)?;
@@ -52,7 +55,9 @@ pub fn refuse_rows(reading: Reading<'_>, clock_s: &[f64]) -> Result<(), Fault> {
 pub fn refuse_commas(reading: Reading<'_>, until: u64) -> Result<(), Fault> {
     let Source::Text(_, table) = reading.source else { return Ok(()) };
     let rows = || table.rows().map_while(Result::ok).take_while(move |(line, _)| *line <= until);
-    let spare = || shifted::into_spare(rows(), reading).filter(|_| is_named(reading.chosen));
+    let spare = || {
+        shifted::into_spare(rows(), reading.titles, |column| reading.has(column)).filter(|_| is_named(reading.chosen))
+    };
     let by_comma = || shifted::by_thousands(rows()).or_else(spare);
     (table.separator == Separator::Comma).then(by_comma).flatten().map_or(Ok(()), Err)
 }
@@ -91,7 +96,7 @@ fn refuse_ambiguous(reading: Reading<'_>) -> Result<(), Fault> {
     let rows = || table.rows().map_while(Result::ok);
     if table.separator == Separator::Comma
         && is_named(chosen)
-        && let Some(fault) = shifted::by_fraction(rows(), reading)
+        && let Some(fault) = shifted::by_fraction(rows(), |column| reading.has(column))
     {
         return Err(fault);
     }

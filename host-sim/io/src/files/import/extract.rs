@@ -5,10 +5,11 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::chosen::{By, Chosen, Reading};
+use super::chosen::{By, Chosen};
 use super::lines::{Fault, Line, comments_between, empty_rows};
 use super::mapping;
 use super::numbers::{self, Cell, Decimal};
+use super::reading::Reading;
 use super::series::{Series, Understood, UnderstoodColumn};
 use super::source::{Source, Value, si};
 use super::text::{Dialect, TextTable};

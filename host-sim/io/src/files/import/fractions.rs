@@ -1,10 +1,11 @@
 //! Columns of milliseconds beside times of day.
 
 use super::Quantity;
-use super::chosen::{By, Reading};
+use super::chosen::By;
 use super::clock;
 use super::lines::Fault;
 use super::names::{Title, UnitSense, unit_cell};
+use super::reading::Reading;
 use super::source::Value;
 
 /// Column of a part of the seconds that are in a column of times of day.

@@ -29,6 +29,7 @@ mod other_times;
 mod own_names;
 mod preamble;
 mod rates;
+mod reading;
 mod reshaped;
 mod rows;
 mod runs;

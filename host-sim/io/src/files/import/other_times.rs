@@ -1,7 +1,7 @@
 //! Columns of times beside the one that is used: of channels that were logged at times of their own.
 
-use super::chosen::Reading;
 use super::names;
+use super::reading::Reading;
 use super::source::Value;
 
 /// A column of times that is not used.

@@ -1,8 +1,8 @@
 //! Rates of rows that contradict what the file says of them, or that no film is recorded at.
 
 use super::RepeatedTimes;
-use super::chosen::Reading;
 use super::names::Title;
+use super::reading::Reading;
 use super::source::Value;
 use super::words::is_of;
 use crate::terminal::rounded;

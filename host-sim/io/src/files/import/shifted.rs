@@ -1,6 +1,6 @@
 //! Rows whose cells are not below their names.
 
-use super::chosen::Reading;
+use super::chosen::Chosen;
 use super::clock;
 use super::lines::{Fault, Line, Row};
 use super::names::{self, Title};
@@ -93,11 +93,11 @@ pub fn fewer_cells(cells: usize, columns: usize) -> String {
 }
 
 /// The line and the cause where a comma may be a decimal sign as well as a separator: a cell that is read begins with a zero.
-pub fn by_fraction<'a>(mut rows: impl Iterator<Item = Row<'a>>, reading: Reading<'_>) -> Option<Fault> {
+pub fn by_fraction<'a>(mut rows: impl Iterator<Item = Row<'a>>, is_read: impl Fn(usize) -> bool) -> Option<Fault> {
     let is_fraction =
         |cell: &str| cell.len() > 1 && cell.starts_with('0') && cell.bytes().all(|byte| byte.is_ascii_digit());
     rows.find_map(|(line, cells)| {
-        let cell = cells.iter().enumerate().find(|(index, cell)| reading.has(*index) && is_fraction(cell))?.1;
+        let cell = cells.iter().enumerate().find(|(index, cell)| is_read(*index) && is_fraction(cell))?.1;
         let cause = format!(
             "{cell:?} may be the digits behind a decimal comma, which shifts the values; export with a decimal point, or separated by \
              semicolons; if it is a number of its own, name the columns by number with `columns`"
@@ -108,15 +108,17 @@ pub fn by_fraction<'a>(mut rows: impl Iterator<Item = Row<'a>>, reading: Reading
 
 /// The first line and the cause where commas may be the decimal signs or the thousands of all `rows` as well as their separators: they are
 /// shifted by as many cells as there is room for behind the last column that has a name and is read.
-pub fn into_spare<'a>(mut rows: impl Iterator<Item = Row<'a>> + Clone, reading: Reading<'_>) -> Option<Fault> {
-    let named = reading.titles.iter().rposition(|title| !title.name.is_empty())? + 1;
+pub fn into_spare<'a>(
+    mut rows: impl Iterator<Item = Row<'a>> + Clone,
+    titles: &[Title],
+    is_read: impl Fn(usize) -> bool,
+) -> Option<Fault> {
+    let named = titles.iter().rposition(|title| !title.name.is_empty())? + 1;
     let (line, cells) = rows.clone().next()?;
     // Without a cell more than there are names, and values in the last, nothing can be shifted.
     let has_number = |cells: &[&str]| cells.iter().any(|cell| numbers::is_plain(cell));
     let has_room = |cells: &[&str]| {
-        cells.len() > named
-            && (!reading.has(named - 1) || has_number(&cells[named..]))
-            && has_number(&cells[named - 1..])
+        cells.len() > named && (!is_read(named - 1) || has_number(&cells[named..])) && has_number(&cells[named - 1..])
     };
     let is_whole = |cell: &&str| !cell.contains('.');
     let pairs = |cells: &[&str]| cells.windows(2).any(|pair| is_group(pair[0], pair[1]));
@@ -188,12 +190,15 @@ pub fn by_counts<'a>(rows: impl Iterator<Item = Row<'a>> + Clone, titles: &[Titl
 
 /// The line and the cause where the cells right of times of whole seconds may be their milliseconds, behind a decimal comma, and the last
 /// column, which is not used and has no unit, has room for the cell that is too many.
-pub fn by_milliseconds<'a>(mut rows: impl Iterator<Item = Row<'a>> + Clone, reading: Reading<'_>) -> Option<Fault> {
+pub fn by_milliseconds<'a>(
+    mut rows: impl Iterator<Item = Row<'a>> + Clone,
+    titles: &[Title],
+    chosen: &[Chosen],
+) -> Option<Fault> {
     const DIGITS: usize = 3;
-    let titles = reading.titles;
-    let time = reading.time().filter(|time| titles[time.index].clock)?.index;
+    let time = chosen.first().filter(|column| titles[column.index].clock)?.index;
     let end = titles.len().checked_sub(1).filter(|end| *end > time + 1)?;
-    let may_be_remark = !names::may_be_read(&titles[end]) && !reading.has(end);
+    let may_be_remark = !names::may_be_read(&titles[end]) && chosen.iter().all(|column| column.index != end);
     let is_part = names::may_be_time(titles.get(time + 1)?);
     let may_shift = |(_, cells): Row<'_>| {
         let is_whole = cells.get(time).and_then(|cell| clock::stamp(cell)).is_some_and(|stamp| stamp.is_whole());

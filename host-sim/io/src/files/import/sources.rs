@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::Quantity;
-use super::chosen::Reading;
 use super::clock;
 use super::lines::Fault;
 use super::names::{self, Title};
+use super::reading::Reading;
 use super::source::{Source, Value};
 
 /// Most films or sensors of a file.

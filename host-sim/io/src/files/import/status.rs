@@ -1,6 +1,6 @@
 //! Columns that say of a few rows that something was wrong, or that the gain of an instrument changed.
 
-use super::chosen::Reading;
+use super::reading::Reading;
 use super::source::{Source, Value};
 use super::words::is_of;
 

@@ -115,8 +115,8 @@ impl<'a> Demand<'a> {
         Ok(shaped.collect())
     }
 
-    /// Whether shaping by the bounds of speed and acceleration takes the reference off by more than a share of its range, and the acceleration (m/s²) that
-    /// it needs where it is off most.
+    /// The largest acceleration (m/s²) that the reference needs, and its sample, where shaping by the bounds of speed and acceleration takes it off by more
+    /// than a share of its range.
     fn acceleration(&self, grid: Grid) -> Option<(usize, f64)> {
         let off = |k: usize| (self.shaped[k] - self.reference[k]).abs();
         let worst = (0..self.reference.len()).max_by(|&a, &b| off(a).total_cmp(&off(b)))?;
