@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use host_io::Error;
 use host_io::choice::Choice;
 use host_io::files::output::Staged;
 use host_io::files::parameters::{ElasticCurve, Parameters};
+use host_models::fit::check_recorded;
 use pyo3::prelude::*;
 use springpot::{Discretisation, Maxwell, Preset, Springpot};
 
@@ -200,6 +202,7 @@ fn written(element: Springpot) -> Element {
 pub(crate) fn load(py: Python<'_>, path: PathBuf) -> PyResult<PyModel> {
     let name = path.to_string_lossy();
     let parameters = Parameters::load(&name).raise()?;
+    check_recorded(&parameters).map_err(|cause| Error::file(&path, cause)).raise()?;
     doubt(py, &parameters.doubts())?;
     Ok(PyModel::new_from(parameters, name))
 }

@@ -176,8 +176,9 @@ impl Motion {
         (self.means, self.peak_m) = ([0.0; 2], 0.0);
         self.presumes = false;
         if !self.is_spoiled {
-            (self.softness, self.shown, self.unshown) = (self.min_softness, self.min_softness, PRESUMED_BLOCKS);
+            self.softness = self.min_softness;
         }
+        (self.shown, self.unshown) = (self.softness, PRESUMED_BLOCKS);
     }
 
     /// Presumes, until the sensor has shown in this run how far the film goes, that it goes further than its model by a share of 0.15. For a law that is not

@@ -207,7 +207,10 @@ impl Supervisor {
     #[cfg(feature = "link")]
     pub(crate) fn take_discharge_of(&mut self, before: &Self) {
         self.missing_at_0_v = if before.missing_at_0_v > 0 { self.discharge_ticks } else { 0 };
-        (self.live_ticks, self.discharged) = (before.live_ticks, before.discharged);
+        // As long a share of its time, which may have another number of ticks.
+        let live_ticks =
+            u64::from(before.live_ticks) * u64::from(self.discharge_ticks) / u64::from(before.discharge_ticks.max(1));
+        (self.live_ticks, self.discharged) = (u32::try_from(live_ticks).unwrap_or(u32::MAX), before.discharged);
     }
 
     /// Everything that does not change after construction, for a check of the memory.

@@ -219,6 +219,16 @@ fn an_upload_does_not_hide_a_film_that_is_live() {
     assert_eq!(run(&mut device, 900, 3000.0), DriverState::Disarmed);
     upload(&mut device);
     assert_eq!(run(&mut device, 101, 3000.0), live_film);
+
+    // Nine tenths of the time stay that, of a time with twice as many ticks as well.
+    let mut device = Device::new(None);
+    upload(&mut device);
+    assert_eq!(run(&mut device, 900, 3000.0), DriverState::Disarmed);
+    let mut longer = board_parameters();
+    longer.limits.discharge_s *= 2.0;
+    device.install(Controller::new(Blob::new(longer).expect("valid"))).expect("off");
+    assert_eq!(run(&mut device, 190, 3000.0), DriverState::Disarmed);
+    assert_eq!(run(&mut device, 12, 3000.0), live_film);
 }
 
 /// A perfect amplifier, read by a converter that answers with the sample of the frame before, or by one that answers at once: a command

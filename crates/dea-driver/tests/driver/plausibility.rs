@@ -187,6 +187,12 @@ fn a_film_is_presumed_softer_within_a_run() {
     motion.presume_softer();
     run(&mut motion, 1e-3);
     assert_eq!(softness(&motion), 1.0);
+    // The next run begins without a plausible value: it has to show the film anew.
+    motion.record(f32::NAN, 0.0, || 0.0, false, false);
+    motion.begin_run();
+    motion.presume_softer();
+    run(&mut motion, 0.0);
+    assert_eq!(softness(&motion), 1.15);
 
     let mut motion = Motion::new(LIMITS);
     motion.record(f32::NAN, 0.0, || 0.0, false, false);

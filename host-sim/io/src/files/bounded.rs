@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
-/// Bytes that show whether a file is text.
+/// Bytes of the beginning, which has none of 0 in text.
 const HEAD: u64 = 1 << 16;
 
 /// Returns the bytes of the file at `path`, of which `kind` has at most `max`.
@@ -24,13 +24,13 @@ pub(crate) fn read(path: &Path, max: u64, kind: &str) -> Result<Vec<u8>> {
 ///
 /// # Errors
 ///
-/// As [`read`], and for what is not UTF-8 or begins with bytes of 0.
+/// As [`read`], and for what is not UTF-8 or has bytes of 0 at its beginning.
 pub(crate) fn read_text(path: &Path, max: u64, kind: &str) -> Result<String> {
     let (mut file, mut bytes) = (open(path)?, Vec::new());
     file.by_ref().take(HEAD).read_to_end(&mut bytes).map_err(|error| Error::file(path, error))?;
     let not_text = format!("not UTF-8 text; this is not {kind}");
     // Before all of it is read.
-    if bytes.first() == Some(&0) {
+    if bytes.contains(&0) {
         return Err(Error::line(path, 1, not_text));
     }
     read_on(path, &mut file, &mut bytes, max, kind)?;

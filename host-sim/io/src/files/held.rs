@@ -24,9 +24,10 @@ pub(super) struct Held {
 }
 
 impl Held {
-    /// Where the values of a complete `column` are new; none where they are in most rows, or at no regular ones.
+    /// Where the values of a `column` are new; none where they are in most rows, or at no regular ones.
     pub(super) fn new(column: &Column) -> Option<Self> {
-        let values: Vec<f64> = column.cells().iter().copied().collect::<Option<_>>()?;
+        let present = || column.cells().iter().enumerate().filter_map(|(row, cell)| Some((row, (*cell)?)));
+        let values: Vec<f64> = present().map(|(_, value)| value).collect();
         let starts = (0..values.len()).filter(|&k| k == 0 || values[k] != values[k - 1]);
         let starts: Vec<usize> = starts.chain([values.len()]).collect();
         // Where half of the values are repeated, there are this many at the most.
@@ -47,7 +48,8 @@ impl Held {
             let (first, end) = (run[0], run[1]);
             (first..end).step_by(every).filter(move |&row| row == first || 2 * (end - row) > every)
         });
-        is_held.then(|| Self { every, rows: rows.collect() })
+        let row_of: Vec<usize> = present().map(|(row, _)| row).collect();
+        is_held.then(|| Self { every, rows: rows.map(|place| row_of[place]).collect() })
     }
 
     /// Whether another column moves in most rows where `column` repeats its value.

@@ -28,6 +28,8 @@ pub struct Recording {
     time_s: Vec<f64>,
     /// Those that have a value, in the order of [`RECORDING`].
     columns: Vec<(Quantity, Column)>,
+    /// Rows whose reading was left out since it repeats the one before.
+    repeated: usize,
     /// Interpretation of its file.
     understood: Understood,
 }
@@ -206,17 +208,26 @@ impl Recording {
         let drives = if is_voltage { Quantity::Voltage } else { Quantity::Force };
         let (Some(drive), Some(stroke)) = (self.column(drives), self.column(Quantity::Displacement)) else { return };
         let held_drive = Held::new(drive);
-        // Without a voltage the displacement may drive. A film that is driven in coarse steps stays between them.
-        let is_slow = is_voltage && (held_drive.is_some() || Held::stays_behind(stroke, drive));
-        let read = Held::new(stroke).filter(|_| is_slow).map(|held| (held.without_repeats(stroke), held.every));
-        let stroke = read.as_ref().map_or(stroke, |(stroke, _)| stroke);
+        // A film that is driven in coarse steps stays between them.
+        let is_slow = held_drive.is_some() || Held::stays_behind(stroke, drive);
+        let held = Held::new(stroke).filter(|_| is_slow);
+        // Without a voltage the displacement may drive.
+        let read = held.as_ref().filter(|_| is_voltage).map(|held| held.without_repeats(stroke));
+        let stroke = read.as_ref().unwrap_or(stroke);
         let driven =
             held_drive.and_then(|held| Some((held.between(drive, stroke, &self.time_s, is_voltage)?, held.every)));
-        if let Some((stroke, every)) = read {
+        if let Some(held) = held {
+            let what = match read {
+                Some(_) => "those that repeat it are left out; record with the sensor's own rate",
+                None => "record with the sensor's own rate, or empty those that repeat the one before",
+            };
+            let every = held.every;
+            self.understood.notes.push(format!("a new reading of the displacement in every {every} rows only: {what}"));
+        }
+        if let Some(stroke) = read {
+            let count = |column: &Column| column.cells().iter().flatten().count();
+            self.repeated = self.column(Quantity::Displacement).map_or(0, count) - count(&stroke);
             self.replace(Quantity::Displacement, stroke);
-            self.understood.notes.push(format!(
-                "a new reading of the displacement in every {every} rows only: those that repeat it are left out; record with the sensor's own rate"
-            ));
         }
         if let Some((drive, every)) = driven {
             self.replace(drives, drive);
@@ -227,6 +238,11 @@ impl Recording {
         }
     }
 
+    /// Rows whose reading was left out since it repeats the one before.
+    pub fn repeated(&self) -> usize {
+        self.repeated
+    }
+
     fn replace(&mut self, quantity: Quantity, column: Column) {
         self.columns.iter_mut().filter(|(own, _)| *own == quantity).for_each(|(_, own)| *own = column.clone());
     }
@@ -234,7 +250,7 @@ impl Recording {
     fn of_table<const N: usize>(path: &Path, layout: &Layout<N>, table: Table<N>, understood: Understood) -> Self {
         let columns = layout.columns.iter().zip(table.columns);
         let columns = columns.filter_map(|((quantity, _), column)| Some((*quantity, column?))).collect();
-        Self { path: path.into(), is_file: true, time_s: table.time_s, columns, understood }
+        Self { path: path.into(), is_file: true, time_s: table.time_s, columns, repeated: 0, understood }
     }
 
     /// Reads a reference at `path`, of which a person says `hints`: displacement over time, no voltage needed.

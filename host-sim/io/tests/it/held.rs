@@ -83,6 +83,16 @@ fn what_was_logged_slowly_is_taken_as_the_film_shows() {
         let read = slow.displacement().expect("readings").value.len();
         assert!(read.abs_diff(rows.len()) <= 1 + ROWS / 100 + 200 / every, "{case}: {read} readings of {}", rows.len());
         assert!(slow.notes().iter().any(|note| note.starts_with("a new reading")), "{case}");
+        assert_eq!(slow.repeated(), ROWS - read, "{case}");
+        // With a reading that is missing, and with a force that drives, it is noticed as well.
+        let mut reading = repeated(&stroke(&volts, late, noise.max(1e-7), &mut random), &rows);
+        reading[ROWS / 2] = f64::NAN;
+        for drive in [Quantity::Voltage, Quantity::Force] {
+            let columns = vec![(drive, volts.clone()), (Quantity::Displacement, reading.clone())];
+            let time_s = (0..ROWS).map(|k| 0.01 * k as f64).collect();
+            let slow = Recording::of_values("film.csv", time_s, columns).expect("a recording");
+            assert!(slow.notes().iter().any(|note| note.starts_with("a new reading")), "{case}, {drive:?}");
+        }
 
         // Both were.
         let both = recording(&held, &repeated(&stroke(&volts, late, noise.max(1e-7), &mut random), &rows));

@@ -233,7 +233,9 @@ impl Facts {
             start_m: None,
             outliers: 0,
             is_comparable: true,
-            empty: recording.time_s().len() - measured.as_ref().map_or(0, |measured| measured.value.len()),
+            empty: recording.time_s().len()
+                - recording.repeated()
+                - measured.as_ref().map_or(0, |measured| measured.value.len()),
         };
         match measured {
             // Its force jumps where the displacement does.

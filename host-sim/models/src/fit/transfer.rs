@@ -202,7 +202,7 @@ fn recursion_of<const HEAD: usize, const FAST: usize, const SLOW: usize>(
 
 /// Whether a step of a law of this `stiffness` (N/m) may have no equilibrium under `loads`.
 pub(super) fn pulls_in(loads: &[Load<f64>], stiffness: f64) -> bool {
-    loads.iter().any(|load| load.slope_n_per_m >= 0.99 * stiffness)
+    stiffness <= 0.0 || loads.iter().any(|load| load.slope_n_per_m >= 0.99 * stiffness)
 }
 
 /// Points from ζ = radius on that are evaluated themselves: there the circle's radius shows.

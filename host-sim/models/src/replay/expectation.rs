@@ -139,8 +139,12 @@ pub struct Beyond {
 /// The error to expect along a reference.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Expectation {
-    /// Interval of the RMS error, calibrated on simulated films (docs/commands.md), in % of the reference's peak to peak after 2 s.
+    /// Interval of the RMS error, calibrated on simulated films (docs/commands.md), in % of the reference's peak to peak after 2 s, or of its
+    /// displacement where it is held.
     pub feedforward_error_pct: [f64; 2],
+    /// Whether the reference is held.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_held: bool,
     /// The quantities in which the reference exceeds all recordings, for which the error grows.
     pub beyond: Vec<Beyond>,
 }
@@ -165,7 +169,8 @@ impl Expectation {
             }
         };
         let [low, high] = self.feedforward_error_pct;
-        let error = format!("expected error {low:.2} to {high:.2} % of peak to peak RMS");
+        let of = if self.is_held { "the displacement" } else { "peak to peak" };
+        let error = format!("expected error {low:.2} to {high:.2} % of {of} RMS");
         self.beyond.iter().map(line).chain([error]).collect()
     }
 }
@@ -208,7 +213,7 @@ impl Recorded {
         let speed_m_per_s = (squares.sum::<f64>() / (reference.len() - from) as f64).sqrt() * grid.rate_hz;
         let [low, high] = self.error_m(self.difference_m(parameters, reference, grid, voltage_v), speed_m_per_s);
         let share = |error_m: f64| 100.0 * error_m / range_m.max(f64::MIN_POSITIVE);
-        Expectation { feedforward_error_pct: [share(low), share(growth * high)], beyond }
+        Expectation { feedforward_error_pct: [share(low), share(growth * high)], is_held: false, beyond }
     }
 
     /// Interval of the error (m, RMS) along a path of an RMS speed on which the fits to parts differ by `difference_m`, if they are known.

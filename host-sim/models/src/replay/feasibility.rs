@@ -170,7 +170,8 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
         binding,
         expectation: Recorded::from_parameters(parameters)
             .filter(|_| swing_m > 0.0)
-            .map(|recorded| recorded.expectation(parameters, reference, grid, swing_m, voltage_v)),
+            .map(|recorded| recorded.expectation(parameters, reference, grid, swing_m, voltage_v))
+            .map(|expectation| Expectation { is_held: high_m <= low_m, ..expectation }),
         smaller: None,
     })
 }
@@ -178,8 +179,8 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
 /// The warning that the board of `parameters` ends a run along `reference` (m) where that is beyond its largest displacement.
 pub fn beyond_board(parameters: &Parameters, reference: &[f64]) -> Option<String> {
     let (highest, allowed) = (range(reference).1, max_displacement_m(parameters));
-    (highest > allowed).then(|| {
-        let [highest, allowed] = [highest, allowed].map(|m| 1e3 * m);
+    (highest as f32 > allowed).then(|| {
+        let [highest, allowed] = [highest, allowed.into()].map(|m: f64| 1e3 * m);
         format!("the reference goes to {highest:.3} mm, the board allows {allowed:.3} mm (max_displacement_m of board.limits) and ends the run beyond it")
     })
 }

@@ -90,6 +90,14 @@ fn a_reference_beyond_the_stroke_of_the_board_is_not_feasible() {
         let most = highest + found.most_offset_m.expect("an offset");
         assert!((most - allowed).abs() < 1e-6, "{most} m of {allowed}");
         assert_eq!(feasibility::beyond_board(&film, &reference).is_some(), draw % 2 == 1);
+        // The limit itself is within it, in the board's own numbers.
+        let stroke_m = 1e-4 * f64::from(draw + 3);
+        let mut board = film.bench(RATE_HZ);
+        board.limits.max_displacement_m = stroke_m as f32;
+        let film = Parameters { board: Some(board), ..film };
+        let held: Vec<f64> = grid.times_s().into_iter().map(|t| stroke_m * minimum_jerk(t / 2.0)).collect();
+        let found = feasibility::check(&film, &held, grid, &LIMITS).expect("a check");
+        assert!(found.feasible && feasibility::beyond_board(&film, &held).is_none(), "{stroke_m}: {found:?}");
     }
 }
 

@@ -269,7 +269,7 @@ fn what_was_not_recorded_is_reported() {
         let sine = |t: f64| 0.5 * peak_m * (1.0 - (TAU * hz * t).cos());
         let reference: Vec<f64> = grid.times_s().into_iter().map(sine).collect();
         let volts = vec![voltage_v; reference.len()];
-        let Expectation { feedforward_error_pct: [_, high], beyond } =
+        let Expectation { feedforward_error_pct: [_, high], beyond, .. } =
             recorded.expectation(&parameters, &reference, grid, peak_m, volts);
         (high * peak_m, beyond.iter().map(|beyond| beyond.quantity).collect::<Vec<_>>())
     };

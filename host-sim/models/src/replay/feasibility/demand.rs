@@ -27,7 +27,7 @@ pub(super) struct Demand<'a> {
     /// Without one of the field where the film's sizes are assumed.
     limits: CommandLimits,
     /// Largest displacement of the board, m.
-    max_displacement_m: f64,
+    max_displacement_m: f32,
     /// The amplifier; none that follows at once.
     pub(super) lag: Option<Lag>,
     reference: &'a [f64],
@@ -147,6 +147,11 @@ impl<'a> Demand<'a> {
         force.iter().enumerate().map(|(k, &f)| self.squared_voltage(k, offset, f).max(0.0).sqrt()).collect()
     }
 
+    /// Whether sample `k` of the reference with `offset` (m) is beyond the board's largest displacement, in its own numbers.
+    fn is_beyond_board(&self, k: usize, offset: f64) -> bool {
+        self.displacement(k, offset) as f32 > self.max_displacement_m
+    }
+
     /// Whether sample `k` of the reference with `offset` (m) needs more than the largest voltage or field for `force` (N).
     pub(super) fn exceeds(&self, k: usize, offset: f64, force: f64) -> bool {
         let largest = self.largest(k, offset);
@@ -183,7 +188,9 @@ impl<'a> Demand<'a> {
         let beyond = |needed: f64, allowed: f64| (needed > allowed * (1.0 + ROUNDING)).then_some((needed, allowed));
         binding.push(worst(Limit::Slew, &|k| beyond(slew(k), largest_slew).filter(|_| felt(k))));
         binding.push(worst(Limit::Velocity, &|k| beyond(speed(k), largest_speed)));
-        binding.push(worst(Limit::Displacement, &|k| over(self.displacement(k, 0.0), self.max_displacement_m)));
+        binding.push(worst(Limit::Displacement, &|k| {
+            self.is_beyond_board(k, 0.0).then(|| (self.displacement(k, 0.0), self.max_displacement_m.into()))
+        }));
         binding.push(self.acceleration(grid).map(|(k, needed)| Binding {
             limit: Limit::Acceleration,
             needed,
@@ -239,12 +246,11 @@ impl<'a> Demand<'a> {
         (0..self.force.len()).filter_map(needed).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// The largest offset (m) that stays within the largest voltage and field, for a reference between `low` and `high` (m).
+    /// The largest offset (m) that stays within the largest voltage, field and displacement, and with which the amplifier need not lead too far, for a reference between `low` and `high` (m).
     pub(super) fn most_offset(&self, low: f64, high: f64) -> Option<f64> {
         let fits = |offset: f64| {
             let force = self.force_with(offset);
-            (0..force.len())
-                .all(|k| !self.exceeds(k, offset, force[k]) && self.displacement(k, offset) <= self.max_displacement_m)
+            (0..force.len()).all(|k| !self.exceeds(k, offset, force[k]) && !self.is_beyond_board(k, offset))
                 && !self.lag.is_some_and(|lag| lag.asked(self, offset, &force).leads_too_high.contains(&true))
         };
         // The voltage grows with the offset: bisection.
@@ -306,8 +312,8 @@ impl Lag {
 }
 
 /// The largest displacement (m) that the board of `parameters` allows; infinite without one.
-pub(super) fn max_displacement_m(parameters: &Parameters) -> f64 {
-    parameters.board.as_ref().map_or(f64::INFINITY, |board| board.limits.max_displacement_m.into())
+pub(super) fn max_displacement_m(parameters: &Parameters) -> f32 {
+    parameters.board.as_ref().map_or(f32::INFINITY, |board| board.limits.max_displacement_m)
 }
 
 /// How far an offset may lie from 0 for a reference between `low` and `high` (m).
