@@ -293,7 +293,7 @@ fn text_of(path: &Path) -> Result<String> {
     if path.is_dir() {
         return Err(Error::file(path, "is a directory; name a parameter file (TOML) or preset:NAME"));
     }
-    bounded::read_text(path, MAX_FILE, "a TOML parameter file")
+    bounded::read_text(path, MAX_FILE, "a parameter file (TOML)")
 }
 
 /// A text whose errors name its lines.
