@@ -12,8 +12,9 @@ use std::cmp::Ordering;
 use std::f64::consts::TAU;
 
 use super::explained::{Basis, Blocks, Course};
-use super::observation::{self, Observation, Reading};
+use super::observation::{self, Observation};
 use super::preparation::{Severity, Warning};
+use super::readings::Reading;
 use crate::statistics::{mean, peaks, range};
 
 /// A fault of this size, as a share of the stroke, is of no film.

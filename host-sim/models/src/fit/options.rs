@@ -7,8 +7,9 @@ use springpot::{Actuator, MAX_BRANCHES, Topology};
 
 use super::bend::{Bend, Elastic};
 use super::candidate::{Candidate, Variable};
-use super::observation::{self, Observation, Reading};
+use super::observation::{self, Observation};
 use super::preparation::{Gaps, Preparation, Warning, Window};
+use super::readings::Reading;
 use super::residuals::Loss;
 use super::settings::{CurveChoice, Method, Settings, assumed_actuator, checked_starts};
 use crate::error::{Error, Result};

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use rayon::prelude::*;
 
 use super::super::explained::Basis;
-use super::super::observation::SETTLES;
+use super::super::readings::SETTLES;
 use super::{Cause, Change, Effect, State};
 use crate::statistics::range;
 

@@ -6,7 +6,7 @@ use springpot::{Curve, Springpot};
 
 use super::super::bend::Elastic;
 use super::super::candidate::{Candidate, Curves, Variable};
-use super::super::observation::ReadingFit;
+use super::super::readings::ReadingFit;
 use super::super::transfer::{Nodes, Spectrum, Transfer};
 use super::series::Near;
 use super::tangent::{LANES, Tangent};

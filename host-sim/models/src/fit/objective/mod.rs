@@ -14,7 +14,8 @@ use rayon::prelude::*;
 use springpot::{Actuator, Curve, Discretisation, Load, Preload};
 
 use super::candidate::{Candidate, Curves};
-use super::observation::{Observation, ReadingFit, Readings};
+use super::observation::Observation;
+use super::readings::{ReadingFit, Readings};
 use super::residuals::Whiteness;
 use super::transfer::{Nodes, Spectrum, Transfer};
 use crate::error::{Error, Result};
@@ -219,14 +220,15 @@ impl Objective {
             .zip(grids)
             .zip(of)
             .map(|((observation, grid), of)| {
+                let Observation { measured, weight, sample_weights, reading, .. } = observation;
                 let circle = kinds.iter().position(|kind| *kind == of).unwrap_or(0);
                 Record {
                     circle,
                     samples: grid.samples,
                     drive: DriveSpectra::new(&observation.input, grid, &circles[circle]),
-                    readings: Readings::new(observation),
-                    measured_at: Places::new(&observation.measured.time_s, grid),
-                    places: observation.measured.time_s.iter().map(|t| t * grid.rate_hz).collect(),
+                    readings: Readings::new(measured, *weight, sample_weights.clone(), *reading),
+                    measured_at: Places::new(&measured.time_s, grid),
+                    places: measured.time_s.iter().map(|t| t * grid.rate_hz).collect(),
                     rate_hz: grid.rate_hz,
                 }
             })
