@@ -28,16 +28,16 @@ pub(crate) fn read(path: &Path, max: u64, kind: &str) -> Result<Vec<u8>> {
 pub(crate) fn read_text(path: &Path, max: u64, kind: &str) -> Result<String> {
     let (mut file, mut bytes) = (open(path)?, Vec::new());
     file.by_ref().take(HEAD).read_to_end(&mut bytes).map_err(|error| Error::file(path, error))?;
-    let not_text = format!("not UTF-8 text; this is not {kind}");
+    let not_text = |text: &[u8]| {
+        let line = 1 + text.iter().filter(|byte| **byte == b'\n').count();
+        Error::line(path, line as u64, format!("not UTF-8 text; this is not {kind}"))
+    };
     // Before all of it is read.
-    if bytes.contains(&0) {
-        return Err(Error::line(path, 1, not_text));
+    if let Some(end) = bytes.iter().position(|byte| *byte == 0) {
+        return Err(not_text(&bytes[..end]));
     }
     read_on(path, &mut file, &mut bytes, max, kind)?;
-    String::from_utf8(bytes).map_err(|error| {
-        let line = 1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
-        Error::line(path, line as u64, not_text)
-    })
+    String::from_utf8(bytes).map_err(|error| not_text(&error.as_bytes()[..error.utf8_error().valid_up_to()]))
 }
 
 fn open(path: &Path) -> Result<File> {
