@@ -1,7 +1,7 @@
 //! Losses of a series where a model samples it: gaps between its rows, and motion between the model's steps.
 
 use crate::grid::{Grid, Samples};
-use crate::statistics::{change, differences, median};
+use crate::statistics::{change, differences, median, peak, rms};
 
 /// RMS of what is missed, as a share of the range, that is reported.
 const MISSED: f64 = 5e-3;
@@ -9,8 +9,7 @@ const MISSED: f64 = 5e-3;
 /// Remarks on `samples` that a model is to follow at `rate_hz`.
 pub fn remarks(samples: &Samples, rate_hz: f64) -> Vec<String> {
     let missed = missed(samples, rate_hz);
-    let rms = (missed.iter().map(|share| share * share).sum::<f64>() / missed.len().max(1) as f64).sqrt();
-    let between = (rms > MISSED).then(|| between_steps(rate_hz, missed.into_iter().fold(0.0, f64::max)));
+    let between = (rms(&missed) > MISSED).then(|| between_steps(rate_hz, peak(&missed)));
     gap(&samples.time_s).into_iter().chain(between).collect()
 }
 

@@ -55,9 +55,8 @@ impl Held {
     /// Whether another column moves in most rows where `column` repeats its value.
     pub(super) fn stays_behind(column: &Column, other: &Column) -> bool {
         let (cells, others) = (column.cells(), other.cells());
-        let repeats = (1..cells.len()).filter(|&row| cells[row] == cells[row - 1]);
-        let (moves, stays): (Vec<usize>, Vec<usize>) = repeats.partition(|&row| others[row] != others[row - 1]);
-        moves.len() > stays.len()
+        let repeats = || (1..cells.len()).filter(|&row| cells[row] == cells[row - 1]);
+        2 * repeats().filter(|&row| others[row] != others[row - 1]).count() > repeats().count()
     }
 
     /// The `column` without the cells that repeat a value.

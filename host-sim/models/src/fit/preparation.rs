@@ -214,8 +214,7 @@ fn logarithmic_shares(times: &[f64]) -> Vec<f64> {
 pub(super) fn between_steps(drive: &Samples, rate_hz: f64) -> Option<String> {
     /// Share of the input's change that is not noise.
     const ALLOWED: f64 = 0.05;
-    let missed = sampling::missed(drive, rate_hz);
-    let worst = missed.iter().copied().fold(0.0, f64::max);
+    let worst = peak(&sampling::missed(drive, rate_hz));
     (worst > ALLOWED).then(|| sampling::between_steps(rate_hz, worst))
 }
 
