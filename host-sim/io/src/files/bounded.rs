@@ -16,7 +16,7 @@ const HEAD: u64 = 1 << 16;
 /// [`Error::File`] for a file that cannot be read or is larger.
 pub(crate) fn read(path: &Path, max: u64, kind: &str) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    read_on(path, &mut open(path)?, &mut bytes, max, kind)?;
+    read_on(path, &mut open(path, kind)?, &mut bytes, max, kind)?;
     Ok(bytes)
 }
 
@@ -26,7 +26,7 @@ pub(crate) fn read(path: &Path, max: u64, kind: &str) -> Result<Vec<u8>> {
 ///
 /// As [`read`], and for what is not UTF-8 or has bytes of 0 at its beginning.
 pub(crate) fn read_text(path: &Path, max: u64, kind: &str) -> Result<String> {
-    let (mut file, mut bytes) = (open(path)?, Vec::new());
+    let (mut file, mut bytes) = (open(path, kind)?, Vec::new());
     file.by_ref().take(HEAD).read_to_end(&mut bytes).map_err(|error| Error::file(path, error))?;
     let not_text = |text: &[u8]| {
         let line = 1 + text.iter().filter(|byte| **byte == b'\n').count();
@@ -40,7 +40,10 @@ pub(crate) fn read_text(path: &Path, max: u64, kind: &str) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| not_text(&error.as_bytes()[..error.utf8_error().valid_up_to()]))
 }
 
-fn open(path: &Path) -> Result<File> {
+fn open(path: &Path, kind: &str) -> Result<File> {
+    if path.is_dir() {
+        return Err(Error::file(path, format!("is a directory; name {kind} in it")));
+    }
     File::open(path).map_err(|error| Error::file(path, error))
 }
 
