@@ -253,7 +253,7 @@ pub enum ActuatorError {
     Saturation(f64),
     /// Pull-in within one step: the electrostatic pull exceeds the film's stiffness of one step.
     #[error(
-        "pull-in: the electrostatic pull of {pull:.3e} N/m at the largest voltage overcomes the film's {stiffness:.3e} N/m; \
+        "pull-in: the electrostatic pull of {pull:.3e} N/m at the largest voltage is above 99 % of the film's {stiffness:.3e} N/m; \
          lower the voltage or the coupling"
     )]
     PullIn {

@@ -437,18 +437,31 @@ fn parameters_without_room_for_the_tone_are_refused() {
             if quantity == name && value != limit);
         assert!(found, "{name}: {refused:?}");
     }
-    // Of so many periods: three blocks may take a tenth of a second.
-    for (periods, is_refused) in [(8, false), (9, true)] {
-        let mut parameters = sensed_parameters();
-        let options = SelfSensingOptions { periods, ..sensor(&relation()).options() };
-        let current = sensor(&relation()).current().clone();
-        parameters.self_sensing = Some(dea_driver::SelfSensor::new(&relation(), options, current).expect("valid"));
-        let control = &mut parameters.control;
-        (control.sample_interval_s, control.delay_s) = (0.036, 0.022);
-        (control.max_velocity_m_per_s, control.bandwidth_hz) = (0.01, 0.5);
-        let refused = Blob::with_converters(parameters, &CONVERTERS).err().map(|error| error.to_string());
-        let reason = "three blocks of self-sensing and a tick take 0.109 s with 9 periods at 1000 Hz, 0.1 s at the most: use fewer periods, or a higher rate_hz";
-        assert_eq!(refused, is_refused.then(|| reason.into()), "{periods} periods");
+    // Three blocks and a tick may take a tenth of a second: 12 n + 1 ticks.
+    for (rate_hz, most) in [(249.0, 1), (250.0, 2), (333.0, 2), (500.0, 4), (1000.0, 8), (2410.0, 20)] {
+        assert_eq!(dea_driver::SelfSensor::max_periods(1.0 / rate_hz), most, "{rate_hz} Hz");
+        for periods in [most.max(2), most + 1] {
+            let mut parameters = sensed_parameters();
+            let (step_s, ticks) = (1.0 / rate_hz, f64::from(4 * periods));
+            let options = SelfSensingOptions { periods, step_s, ..sensor(&relation()).options() };
+            let current = sensor(&relation()).current().clone();
+            parameters.self_sensing = Some(dea_driver::SelfSensor::new(&relation(), options, current).expect("valid"));
+            parameters.rate_hz = rate_hz as f32;
+            parameters.limits.max_slew_v_per_s = 1e6;
+            parameters.limits.monitor.slew_v_per_s = 1e6;
+            parameters.limits.sensor.stuck_ticks = 1000;
+            let control = &mut parameters.control;
+            control.sample_interval_s = (step_s * ticks) as f32;
+            control.delay_s = (step_s * (0.5 * ticks + 4.0)) as f32;
+            (control.max_velocity_m_per_s, control.bandwidth_hz, control.lost_after_s) = (0.008, 0.3, 0.3);
+            let refused = Blob::with_converters(parameters, &CONVERTERS).err().map(|error| error.to_string());
+            let taken_s = step_s * (3.0 * ticks + 1.0);
+            let reason = format!(
+                "three blocks of self-sensing and a tick take {taken_s:.3} s with {periods} periods at {rate_hz} Hz, 0.1 s at the most: use \
+                 fewer periods, or a higher rate_hz"
+            );
+            assert_eq!(refused, (periods > most).then_some(reason), "{periods} periods at {rate_hz} Hz");
+        }
     }
     let cable = CapacitanceRelation { rest_f: 90e-12, max_f: 120e-12, ..relation() };
     let other = sensor(&relation());

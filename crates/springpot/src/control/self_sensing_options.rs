@@ -28,6 +28,9 @@ pub struct SelfSensingOptions {
 }
 
 impl SelfSensingOptions {
+    /// Fewest periods of the tone in a block.
+    pub const MIN_PERIODS: u16 = 2;
+
     /// A tone of 50 V at 1 kHz in blocks of 20 ms. Monitors of 16 bits over 6 kV and 0.5 mA with noise of 2 bits, a short above 0.2 mA, 100 pF of cable.
     pub const BENCH: Self = Self {
         step_s: 1e-3,
@@ -70,7 +73,7 @@ impl SelfSensingOptions {
         if let Some((quantity, value)) = first_not_positive(&values) {
             return Err(SelfSensingError::NotPositive { quantity, value });
         }
-        if !(2..=64).contains(&self.periods) {
+        if !(Self::MIN_PERIODS..=64).contains(&self.periods) {
             return Err(SelfSensingError::Periods(self.periods));
         }
         Ok(())

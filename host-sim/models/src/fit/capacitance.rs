@@ -1,5 +1,6 @@
 //! The relation of capacitance and displacement, from a recording that has both.
 
+use dea_driver::SelfSensor;
 use host_io::terminal::rounded;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -197,7 +198,7 @@ const MIN_TONE: f64 = 20.0;
 /// Reasons for which the amplifier and the limits of `board` do not pass a tone of `tone_v` (V) at ticks of `step_s` (s).
 #[must_use]
 pub fn refusals(board: &Board, tone_v: f64, step_s: f64) -> Vec<String> {
-    let mut refusals = Vec::new();
+    let mut refusals = Vec::from_iter(slow(step_s));
     let options = SelfSensingOptions { tone_v, step_s, ..SelfSensingOptions::BENCH };
     let (needed, allowed) = (options.tone_slew_v_per_s(), f64::from(board.limits.max_slew_v_per_s));
     if needed > allowed {
@@ -220,6 +221,17 @@ pub fn refusals(board: &Board, tone_v: f64, step_s: f64) -> Vec<String> {
         ));
     }
     refusals
+}
+
+/// Why ticks of `step_s` (s) are too slow, if they are.
+fn slow(step_s: f64) -> Option<String> {
+    // A block of as few periods as possible, thrice, and a tick, within 100 ms.
+    (SelfSensor::max_periods(step_s) < SelfSensingOptions::MIN_PERIODS).then(|| {
+        format!(
+            "ticks of {:.3} ms are too slow for a fault of the film to end at 0 V within 100 ms: use 250 Hz or more",
+            1e3 * step_s
+        )
+    })
 }
 
 /// The film as its own sensor before there is a recording with a tone: how far amplifier and voltage monitor suffice.
@@ -284,11 +296,14 @@ impl Prospect {
 ///
 /// # Errors
 ///
-/// [`Error::Computation`] for a recording without a tone, and as [`fit`].
+/// [`Error::Computation`] for a recording without a tone, or with too few rows a second, and as [`fit`].
 pub fn identify(recording: &ToneRecording, cable_f: f64) -> Result<(CapacitanceFile, Report)> {
     let ToneRecording { step_s, voltage_v, current_a, displacement_m } = recording;
     let refused = Error::Computation;
-    let periods = SelfSensingOptions::BENCH.periods;
+    if let Some(slow) = slow(*step_s) {
+        return Err(refused(slow));
+    }
+    let periods = SelfSensingOptions::BENCH.periods.min(SelfSensor::max_periods(*step_s));
     let ticks = 4 * usize::from(periods);
     let [voltage, current] = [voltage_v, current_a].map(|values| Tones::new(values, ticks));
     let tone_v = voltage.amplitude;

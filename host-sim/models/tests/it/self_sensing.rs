@@ -282,12 +282,17 @@ fn what_breaks_ends_at_0_v_within_a_tenth_of_a_second() {
     }
 }
 
-/// A recording of a minute with a tone of `tone_v` (V), by converters of so many bits.
+/// A recording of two minutes with a tone of `tone_v` (V), by converters of so many bits.
 fn recording(bits: u32, tone_v: f64) -> ToneRecording {
+    recording_at(1000.0, bits, tone_v)
+}
+
+/// The same at another rate, Hz.
+fn recording_at(rate_hz: f64, bits: u32, tone_v: f64) -> ToneRecording {
     let session = Session {
         waveform: Waveform { peak_v: 5500.0, frequencies_hz: vec![0.05] },
         duration_s: 120.0,
-        rate_hz: 1000.0,
+        rate_hz,
         instruments: Instruments::default(),
         seed: 4,
     };
@@ -326,6 +331,7 @@ fn columns_in_other_units_are_refused_with_the_unit() {
     let scaled = |values: &[f64], size: f64| values.iter().map(|value| size * value).collect::<Vec<_>>();
     // Factors on voltage, current and displacement.
     let cases = [
+        ("is current_a in mA? multiply it by 1e-3", [1.0, 1e3, 1.0]),
         ("is current_a in µA? multiply it by 1e-6", [1.0, 1e6, 1.0]),
         ("is current_a in nA? multiply it by 1e-9", [1.0, 1e9, 1.0]),
         ("is voltage_v in kV? multiply it by 1e3", [1e-3, 1.0, 1.0]),
@@ -342,6 +348,19 @@ fn columns_in_other_units_are_refused_with_the_unit() {
         let refused = capacitance::identify(&wrong, 0.0).expect_err(advice).to_string();
         assert!(refused.ends_with(advice), "{refused}");
     }
+}
+
+/// A board refuses blocks in which a fault is found after more than 0.1 s: three of them and a row.
+#[test]
+fn blocks_are_short_enough_for_a_board_at_every_rate() {
+    for (rate_hz, periods) in [(250.0, 2), (400.0, 3), (500.0, 4), (2000.0, 5)] {
+        let (file, report) = capacitance::identify(&recording_at(rate_hz, 16, 50.0), 100e-12).expect("identified");
+        assert_eq!(file.options.periods, periods, "{rate_hz} Hz");
+        assert!((report.rest_f / 699.0e-12 - 1.0).abs() < 0.01, "{rate_hz} Hz: {report:?}");
+    }
+    let slow = recording_at(200.0, 16, 50.0);
+    let refused = capacitance::identify(&slow, 100e-12).expect_err("too slow").to_string();
+    assert!(refused.contains("5.000 ms") && refused.contains("use 250 Hz or more"), "{refused}");
 }
 
 #[test]

@@ -12,12 +12,23 @@ mod with_current {
     /// Blocks until the next sample at the latest, where the drive jumps.
     const MAX_BLOCKS: f32 = 5.0;
     /// Blocks within which a fault is found, and the time that they and a tick may take, s.
-    const FINDS_BLOCKS: f32 = 3.0;
-    const MAX_FAULT_S: f32 = 0.1;
+    const FINDS_BLOCKS: f64 = 3.0;
+    const MAX_FAULT_S: f64 = 0.1;
+    /// What is as much may have been rounded.
+    const ROUNDED: f64 = 1e-4;
     /// Amplitudes of the tone in the range of the voltage: one at each end, and as much for the drive.
     const AMPLITUDES: f32 = 4.0;
 
     impl SelfSensor {
+        /// Most periods of a block at ticks of `step_s` (s), with which a fault of the film or its monitors ends at 0 V within 100 ms; fewer than
+        /// [`MIN_PERIODS`](springpot::SelfSensingOptions::MIN_PERIODS) where the ticks are too slow for the film to be its own sensor.
+        #[must_use]
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a negative time has no periods
+        pub fn max_periods(step_s: f64) -> u16 {
+            let ticks = (1.0 + ROUNDED) * MAX_FAULT_S / step_s - 1.0;
+            ((ticks / (4.0 * FINDS_BLOCKS)) as u16).min((REMEMBERED - 5) / 2)
+        }
+
         /// Checks it beside the rest of `parameters`, of a board whose monitor of the current shows up to `current_v` (V).
         #[inline(never)] // as `Parameters::margin`
         #[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss)] // as the limits have it; at most 132
@@ -39,8 +50,7 @@ mod with_current {
                 ..ObserverOptions::at_bandwidth(1.0)
             };
             let AmplifierLag { rise_s, fall_s } = parameters.amplifier_lag;
-            // What is as much may have been rounded.
-            let rounded = 1.0 - 1e-4;
+            let rounded = 1.0 - ROUNDED as f32;
             let slew_v_per_s = options.tone_slew_v_per_s() as f32;
             let field_v_per_m = AMPLITUDES * tone_v * parameters.thinnest() as f32 / limits.thickness_m;
             for (quantity, value, least) in [
@@ -73,10 +83,10 @@ mod with_current {
                     return Err(BlobError::SelfSensingNeeds { quantity, value, bound: "at most", limit: most });
                 }
             }
-            let taken_s = FINDS_BLOCKS * interval_s + step_s;
-            if rounded * taken_s > MAX_FAULT_S {
-                let periods = options.periods;
-                return Err(BlobError::SlowSelfSensing { periods, rate_hz, taken_s, limit_s: MAX_FAULT_S });
+            if options.periods > Self::max_periods(options.step_s) {
+                let (periods, limit_s) = (options.periods, MAX_FAULT_S as f32);
+                let taken_s = FINDS_BLOCKS as f32 * interval_s + step_s;
+                return Err(BlobError::SlowSelfSensing { periods, rate_hz, taken_s, limit_s });
             }
             Ok(())
         }

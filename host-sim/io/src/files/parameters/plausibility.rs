@@ -60,6 +60,8 @@ const STROKE: Quantity =
     Quantity { symbol: "m", min: 1e-6, max: 1.0, units: &[("millimetres", 1e-3), ("micrometres", 1e-6)] };
 /// Tones that an amplifier of kilovolts makes.
 const TONE: Quantity = Quantity { symbol: "V", min: 0.5, max: 2000.0, units: &[("kilovolts", 1e3)] };
+/// Currents of the tone into the largest capacitance: amplifiers of kilovolts deliver 1 to 40 mA, which the drive of the film needs as well.
+const TONE_CURRENT: Quantity = Quantity { symbol: "A", min: 0.0, max: 0.02, units: &[] };
 /// Most noise of a sample by the film as its own sensor, as a share of its stroke.
 const MAX_NOISE: f64 = 0.1;
 
@@ -181,6 +183,7 @@ pub fn self_sensing_faults(relation: &CapacitanceRelation, options: &SelfSensing
         // One that does not rise has its own message, as what is refused below.
         ("the stroke by stroke_m", if stroke_m > 0.0 { short(stroke_m) } else { STROKE.min }, STROKE),
         ("tone_v", options.tone_v, TONE),
+        ("the current of the tone", short(options.tone_slew_v_per_s() * max_f), TONE_CURRENT),
     ];
     values.iter().filter_map(|(name, value, quantity)| quantity.fault(name, *value)).collect()
 }
