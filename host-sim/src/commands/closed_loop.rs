@@ -219,6 +219,9 @@ struct Report {
     /// Note on the observer's bandwidth, if it is lower than the default.
     #[serde(skip_serializing_if = "Option::is_none")]
     bandwidth_note: Option<String>,
+    /// Note on the period, if it is not the reference's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cycles_note: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -269,6 +272,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let is_chosen = arguments.bandwidth.is_none() && arguments.controller.has_observer();
     let bandwidth_note = || parameters.bandwidth_note(arguments.rate, settings.observer.bandwidth_hz);
     let report = Report {
+        cycles_note: tuning.cycles_note(&reference),
         bandwidth_note: if is_chosen { bandwidth_note() } else { None },
         controller: arguments.controller.name(),
         samples: grid.samples,
@@ -284,7 +288,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let drawn = plot.stage(&report, figure)?;
     out.into_iter().chain(drawn).try_for_each(Staged::commit)?;
     let beyond = feasibility::beyond_board(&parameters, &reference);
-    terminal::warnings(json, report.field_note.iter().chain(&report.bandwidth_note).chain(&beyond));
+    let notes = [&report.field_note, &report.bandwidth_note, &report.cycles_note, &beyond];
+    terminal::warnings(json, notes.into_iter().flatten());
     terminal::report(json, &report, || text(&report))
 }
 

@@ -6,8 +6,10 @@ use springpot::{CommandLimits, HARMONICS};
 use crate::error::{Error, Result};
 use crate::files::parameters::{Parameters, as_written, below_resonance};
 use crate::quantity::{at_most, positive};
+use crate::references::Periods;
 use crate::simulation::controllers::{ControllerKind, ControllerSettings, PI_HZ};
 use host_io::choice::Choice;
+use host_io::terminal::rounded;
 
 /// The requested tuning of a controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,6 +91,25 @@ impl ControllerTuning {
         }
         let (observer, learning) = (control.observer_options(), control.learning_options());
         Ok(ControllerSettings { rate_hz: self.rate_hz, limits, observer, learning, peak_m: 0.0 })
+    }
+
+    /// Why the cycles of `reference` (m, one value a step) are not those that are to be learned, if they are not.
+    #[must_use]
+    pub fn cycles_note(&self, reference: &[f64]) -> Option<String> {
+        let harmonics = self.harmonics.filter(|harmonics| *harmonics > 0)?;
+        let Some(found) = Periods::from_series(reference) else {
+            return Some("no period was found in the reference: its cycles may not be learned".into());
+        };
+        let found_s = found.length as f64 / self.rate_hz;
+        let asked_s = self.period_s.unwrap_or(found_s);
+        let cycles = (asked_s / found_s).round();
+        let is_multiple = cycles >= 1.0 && (asked_s / found_s / cycles - 1.0).abs() < 0.02;
+        (!is_multiple || cycles > harmonics as f64).then(|| {
+            format!(
+                "the reference repeats every {} s, of which {harmonics} harmonics of {asked_s} s learn nothing: leave the period out",
+                rounded(found_s)
+            )
+        })
     }
 
     fn checked_harmonics(&self, kind: ControllerKind) -> Result<u8> {

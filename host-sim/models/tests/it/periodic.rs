@@ -2,6 +2,8 @@
 //!
 //! `cargo test -p host-models --test it periodic -- --nocapture` prints the rows of docs/results.md; `cargo xtask sweep` runs all of them.
 
+use std::f64::consts::TAU;
+
 use host_io::choice::Choice;
 use host_io::files::parameters::Parameters;
 use host_io::grid::Grid;
@@ -9,6 +11,7 @@ use host_models::references::{Reference, Shape};
 use host_models::simulation::closed_loop::{self, BenchModel, LoopRun};
 use host_models::simulation::controllers::ControllerKind;
 use host_models::simulation::film::{Film, Plant};
+use host_models::simulation::tuning::ControllerTuning;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{CommandLimits, LearningOptions};
@@ -106,4 +109,28 @@ fn cycles_are_learned() {
         })
         .collect();
     assert!(missed.is_empty(), "{missed:#?}");
+}
+
+/// A period that is not the reference's, and a reference without one, are stated.
+#[test]
+fn cycles_that_are_not_those_of_the_reference_are_named() {
+    let rate_hz = 50.0;
+    let note = |shape: fn(f64) -> f64, harmonics: usize, period_s: Option<f64>| {
+        let reference: Vec<f64> = (0..3000).map(|k| 1e-3 * shape(f64::from(k) / rate_hz)).collect();
+        ControllerTuning { harmonics: Some(harmonics), period_s, ..ControllerTuning::at_rate(rate_hz) }
+            .cycles_note(&reference)
+    };
+    let sine = |time_s: f64| (TAU * time_s / 5.0).sin();
+    for (harmonics, period_s) in [(0, Some(7.0)), (3, None), (1, Some(5.0)), (3, Some(5.05)), (2, Some(10.0))] {
+        assert_eq!(note(sine, harmonics, period_s), None, "{harmonics} harmonics of {period_s:?} s");
+    }
+    for (harmonics, period_s) in [(3, 100.0), (6, 7.0), (1, 5.2), (1, 10.0), (6, 2.5)] {
+        let note = note(sine, harmonics, Some(period_s)).unwrap_or_default();
+        let words = format!("repeats every 5 s, of which {harmonics} harmonics of {period_s} s");
+        assert!(note.contains(&words), "{harmonics} harmonics of {period_s} s: {note}");
+    }
+    for period_s in [None, Some(5.0)] {
+        let note = note(|time_s| time_s * time_s, 3, period_s).unwrap_or_default();
+        assert!(note.starts_with("no period was found"), "{note}");
+    }
 }
