@@ -1,4 +1,4 @@
-//! No bench: QEMU has no converters and its pins read 0. What a board sees that nothing is connected to.
+//! No bench: QEMU has no converters and its pins read 0, as on a board with nothing connected.
 
 use dea_driver::wire::{InjectedFault, Inspection, Part};
 use dea_driver::{AmplifierError, Controller, Drive, Inputs};

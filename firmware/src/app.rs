@@ -1,4 +1,4 @@
-//! The tasks: the control tick, the bytes of the link, and the background. Every image has them, on its own bench and machine.
+//! The tasks of every image: the control tick, the bytes of the link, and the background.
 
 #[rtic::app(device = crate::family::pac, peripherals = false)]
 mod tasks {
@@ -32,7 +32,7 @@ mod tasks {
     const RATE_HZ: f32 = 1000.0;
     /// Bytes that wait for the background: 11 ms at that rate.
     const RECEIVED: usize = 512;
-    /// Bytes that wait for the wire: the longest answer and two samples.
+    /// Bytes that wait to be sent: the longest answer and two records.
     const SENDING: usize = 512;
 
     #[shared]
@@ -129,8 +129,8 @@ mod tasks {
             cx.shared.recorder.lock(|recorder| recorder.push(&record, rate_hz));
         }
 
-        // Lit while the amplifier is enabled; lit with short gaps while the film is live although it is not; slow when disarmed,
-        // fast when tripped, in the same time at every rate.
+        // Lit while the amplifier is enabled; with short gaps while the film is live although it is disabled; blinking slowly when
+        // disarmed, fast when tripped.
         *micros = micros.wrapping_add((1e6 / rate_hz) as u32);
         let dark = match state {
             DriverState::Armed | DriverState::Running => false,
@@ -145,7 +145,7 @@ mod tasks {
         }
     }
 
-    /// Edges of the slow oscillator, for the tick, which compares the clocks.
+    /// Captures edges of the slow oscillator for the tick, which compares the clocks.
     #[task(binds = TIM5, priority = 1, local = [captures])]
     fn slow_oscillator(cx: slow_oscillator::Context) {
         cx.local.captures.take();
@@ -181,7 +181,7 @@ mod tasks {
         loop {
             let bytes = core::iter::from_fn(|| received.dequeue());
             let mut quiet = !session.turn(bytes, &mut board, |message| send(message, sending));
-            // A sample waits where it is until there is room, so that what is dropped is counted.
+            // A record waits in the device until there is room, so that dropped records are counted.
             while sending.capacity() - sending.len() > FRAME_LEN
                 && let Some(record) = board.device.lock(Device::telemetry)
             {
@@ -199,10 +199,10 @@ mod tasks {
         }
     }
 
-    /// Hands a message to the wire, waiting for room.
+    /// Sends a message, waiting for room.
     fn send(message: &Message, sending: &mut Producer<'static, u8>) {
         let mut frame = [0; FRAME_LEN + 1];
-        // Every message fits: a test of the link holds that.
+        // Every message fits, which a test of the link checks.
         let length = encode(message, &mut frame).unwrap_or(0);
         for &byte in &frame[..length] {
             while sending.enqueue(byte).is_err() {

@@ -21,9 +21,9 @@ use crate::watchdog::Watchdog;
 pub const MIN_RATE_HZ: f32 = 100.0;
 /// The fastest, Hz.
 const MAX_RATE_HZ: f32 = 5000.0;
-/// For so long the tick may not come, ms, give or take what the watchdog's own oscillator (17 to 47 kHz) is off: 33 to 95 ms.
+/// Longest time without a tick, ms; with the watchdog's oscillator at 17 to 47 kHz it is 33 to 95 ms.
 const WATCHDOG_MS: u32 = 50;
-/// For so long the flash may hold up everything, ms: erasing 16 KiB takes 0.8 s at the most.
+/// Longest time for which the flash may stop the program, ms: erasing 16 KiB takes 0.8 s at the most.
 const FLASH_MS: u32 = 4000;
 /// Words of the vector table: those of the core, and the interrupts of the chip.
 const VECTORS: usize = 16 + INTERRUPTS;
@@ -69,15 +69,15 @@ pub fn flight_recorder() -> FlightRecorder<FlightMemory> {
     FlightRecorder::new(unsafe { &mut *addr_of_mut!(FLIGHT) })
 }
 
-/// Bytes of the link that found no room.
+/// Bytes of the link for which there was no room.
 static LOST: AtomicU32 = AtomicU32::new(0);
 
-/// Counts a byte of the link that found no room: it is lost, and its frame with it.
+/// Counts a byte of the link for which there was no room: it is lost, and its frame with it.
 pub fn lose_byte() {
     LOST.store(LOST.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
 }
 
-/// The program in the flash: the vectors, and from the text to what the start copies to the RAM. The parameters between them change.
+/// The program in the flash: the vectors, and from the text to the initial values of the RAM. The parameters between them change.
 pub fn program() -> [(&'static [u32], Image); 2] {
     unsafe extern "C" {
         static __vector_table: u32;
@@ -169,7 +169,7 @@ where
     }
 
     fn noise(&self) -> u32 {
-        // When the last byte of the request came, in cycles of the core.
+        // The time of the request's last byte, in cycles of the core.
         crate::machine::id() ^ SYST::get_current()
     }
 
@@ -199,7 +199,7 @@ where
     }
 }
 
-/// Largest depth of the stack so far, bytes: what the start painted and nothing has overwritten was never used.
+/// Largest depth of the stack so far, bytes: words that still have the paint of the start were never used.
 fn stack_peak() -> u32 {
     unsafe extern "C" {
         static _stack_end: u32;

@@ -10,13 +10,13 @@ use super::family::tree::{self, PATIENCE, Timer};
 
 /// The internal oscillator, Hz.
 const INTERNAL_HZ: f32 = 16e6;
-/// How a panic over the clock begins. The run after it is on the internal oscillator.
+/// Beginning of a panic about the clock. The next run uses the internal oscillator.
 pub const PANIC: &str = "clock";
 /// Largest difference of the two clocks: the internal oscillator is off by 8 % at the most.
 const TOLERANCE: f32 = 0.12;
 /// Largest change of the slow oscillator against the core's clock while both run: more than the slow one drifts as the chip warms.
 const MAX_DRIFT: f32 = 0.2;
-/// For so long no period of the slow oscillator may be missing, s: some ten measurements of 128 of its periods.
+/// Longest time without a measurement of the slow oscillator, s: some ten measurements of 128 periods.
 const MAX_SILENCE_S: f32 = 0.1;
 /// Captures of a measurement, each of eight periods.
 const CAPTURES: u32 = 16;
@@ -50,11 +50,11 @@ pub struct Clocks {
     pub watch: Watch,
 }
 
-/// Sets the clocks for a crystal of `crystal_hz`, a multiple of 2 MHz, and says if they are not what they should be. `avoid`: the crystal was at fault
-/// in the last run.
+/// Sets the clocks for a crystal of `crystal_hz`, a multiple of 2 MHz, and reports a fault. `avoid`: the crystal was at fault in the last
+/// run.
 ///
-/// The waits of the library have no end, so what it will wait for is seen to come first. The crystal is compared with the internal
-/// oscillator before the loop multiplies it: a loop on another one is beyond its limits, and the core with it.
+/// The library waits without an end, so each condition is checked before. The crystal is compared with the internal oscillator before the
+/// loop multiplies it: a loop on another one is beyond its limits, and the core with it.
 pub fn start(rcc: Rcc, timer: Timer, crystal_hz: u32, avoid: bool) -> Clocks {
     let (rcc, fault, expected) = set(rcc, &timer, crystal_hz, avoid);
     MEASURED.store(0, Ordering::Relaxed);
@@ -67,7 +67,7 @@ pub fn start(rcc: Rcc, timer: Timer, crystal_hz: u32, avoid: bool) -> Clocks {
     Clocks { rcc, fault, captures: Captures { timer, first: 0, missing: CAPTURES + 1 }, watch }
 }
 
-/// Sets the clocks: with what is wrong, and the counts of the timer over 128 periods of the slow oscillator as they will be.
+/// Sets the clocks. Returns the fault, and the expected counts of the timer over 128 periods of the slow oscillator.
 fn set(rcc: Rcc, timer: &Timer, crystal_hz: u32, avoid: bool) -> (Rcc, Option<ClockFault>, Option<f32>) {
     if avoid {
         return on_internal(rcc, timer, ClockFault::LastRun);
@@ -79,7 +79,7 @@ fn set(rcc: Rcc, timer: &Timer, crystal_hz: u32, avoid: bool) -> (Rcc, Option<Cl
     let rcc = tree::on_crystal(rcc, crystal_hz);
     let after = slow_period(&rcc, timer);
     let timer_hz = tree::timer_hz(&rcc);
-    // A crystal of another frequency would stretch every time that the limits state.
+    // Another frequency would change every time in the limits.
     let mut fault = Some(ClockFault::Slow);
     if let (Some(before), Some(after)) = (before, after) {
         let expected = before as f32 * (timer_hz / INTERNAL_HZ);
@@ -138,8 +138,8 @@ pub struct Captures {
 }
 
 impl Captures {
-    /// Takes a capture over: to be called from the interrupt of the timer, below the tick. A measurement begins again where captures were missed,
-    /// as while the flash is erased.
+    /// Takes a capture: to be called from the interrupt of the timer, below the tick. A measurement restarts after missed captures, as
+    /// while the flash is erased.
     pub fn take(&mut self) {
         let missed = self.timer.has_missed();
         let at = self.timer.captured();

@@ -32,8 +32,7 @@ static ALLOWED: AtomicU32 = AtomicU32::new(0);
 /// Whether a byte waits for the next tick.
 static WAITING: AtomicBool = AtomicBool::new(false);
 
-/// Stops where there is a chip instead of QEMU, which has no device id: no debugger would answer what this image writes, and the core
-/// would fault over it.
+/// Stops on a chip instead of QEMU, which has no device id: without a debugger the core would fault at the first log.
 pub fn start() {
     let id = 0xe004_2000 as *const u32;
     // SAFETY: DBGMCU_IDCODE can be read at any time.
@@ -76,7 +75,7 @@ pub fn begin_tick() {
     }
 }
 
-/// The byte that has come, if the line could have brought it by now.
+/// The received byte, if the line could have brought it by now.
 pub fn received(port: &mut Port) -> Option<u8> {
     let allowed = ALLOWED.load(Ordering::Relaxed);
     if allowed == 0 {

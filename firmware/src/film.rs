@@ -5,9 +5,9 @@ use dea_driver::chips::{Calibration, DacCode};
 use dea_driver::{Controller, Drive};
 use springpot::{AmplifierModel, Law, LawState, VoltageDrive};
 
-/// The film feels its voltage times this: it pulls 3 % harder than its model. Feedforward misses by that, tracking finds it.
+/// Factor of the voltage on the film, so that it pulls 3 % harder than its model. Feedforward is off by that, tracking corrects it.
 const STRONGER: f32 = 1.014_889;
-/// Displacements that are kept, for a sensor whose samples are late: parameters allow a delay of 63 ticks.
+/// Stored displacements, for a sensor whose samples are late: parameters allow a delay of 63 ticks.
 const KEPT: usize = 64;
 
 /// A film at rest once there are parameters for one.

@@ -15,14 +15,14 @@ use crate::pin::Pin;
 const CODES: f32 = 4096.0;
 /// Samples of each sensor in a tick: their mean has less noise.
 const SAMPLES: u16 = 8;
-/// Weight of a tick in the mean of the reference's code, and how far that mean moves before the supply counts as another one: a reading
-/// changes only with its own code otherwise, so that a sensor which is stuck stays the same.
+/// Weight of a tick in the mean of the reference's code, and the change of that mean after which the supply is updated. Between updates a
+/// reading changes only with its own code, so that a stuck sensor reads the same.
 const SUPPLY_WEIGHT: f32 = 1.0 / 64.0;
 const SUPPLY_CODES: f32 = 1.0;
-/// Largest change of the supply, as the chip's reference shows it, since it was measured first: a regulator that warms changes by less. A reference that
-/// fails, which nothing else would show, looks the same.
+/// Largest change of the supply by the chip's reference since the first measurement: a regulator that warms changes by less. A reference
+/// that fails looks the same, and nothing else shows it.
 pub const MAX_SUPPLY_CHANGE: f32 = 0.04;
-/// The DAC's pin is off by its offset, linearity and load, and by the ADC's: so many codes at 0 V, and this share of the code.
+/// Largest difference at the DAC's pin by offset, linearity and load, and by the ADC: codes at 0 V, and a divisor of the code.
 const PIN_CODES: u16 = 24;
 const PIN_SHARE: u16 = 50;
 
@@ -233,7 +233,7 @@ impl Bench {
 
     /// Applies the drive of a tick to the amplifier.
     pub fn apply(&mut self, drive: Drive) -> Result<(), AmplifierError> {
-        // What was sampled shows the command before this one: the next tick has its own sample.
+        // The sample is of the command before this one: the next tick has its own.
         let applied = self.amplifier.apply(drive, self.sample.take());
         self.found.dac = applied.into();
         applied

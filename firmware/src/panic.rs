@@ -1,6 +1,6 @@
 //! The panic handler: the amplifier is disabled, the message is kept, the chip is reset.
 //!
-//! A stack that overflows leaves nothing to run this on: then the core locks up, and the watchdog resets it.
+//! After an overflow of the stack this cannot run: the core locks up, and the watchdog resets it.
 
 use core::fmt::{self, Write};
 use core::mem::MaybeUninit;
@@ -36,7 +36,7 @@ pub fn remembers_trial() -> bool {
     unsafe { addr_of_mut!(TRIAL).cast::<u32>().read_volatile() == ON_TRIAL }
 }
 
-/// The last panic. Nothing clears it but the next start.
+/// The last panic, cleared by the next start alone.
 #[unsafe(link_section = ".kept")]
 static mut RECORD: MaybeUninit<Record> = MaybeUninit::uninit();
 
@@ -96,7 +96,7 @@ fn panic(info: &PanicInfo) -> ! {
     // The enable output is low before anything else is tried.
     board::disable();
     let mut record = Record { magic: MAGIC, length: 0, complement: 0, text: [0; 200] };
-    // It takes whatever fits.
+    // It truncates.
     let _ = write!(record, "{}", info.message());
     if let Some(place) = info.location() {
         let _ = write!(record, " at {}:{}", place.file(), place.line());

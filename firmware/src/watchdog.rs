@@ -15,7 +15,7 @@ const COUNTS: u32 = 4096;
 /// The register of the debugger's choices, and that which stops the watchdog while the core is halted.
 const DEBUG_FREEZE: *mut u32 = 0xe004_2008 as *mut u32;
 const STOPS_WATCHDOG: u32 = 1 << 12;
-/// How often it is asked whether it has taken its settings over: some milliseconds; it needs 0.2 ms.
+/// Polls of a pending setting: some milliseconds; it needs 0.2 ms.
 const PATIENCE: u32 = 20_000;
 
 /// The watchdog, of which a program has one.
@@ -27,8 +27,8 @@ impl Watchdog {
         Self(())
     }
 
-    /// Starts it, or lets it wait for another time: `ms` by its oscillator, 32 s at the most. Its registers belong to a slow clock: they take nothing
-    /// while they still take over what came before, and count from what they had until they have it.
+    /// Starts it, or sets another time: `ms` by its oscillator, 32 s at the most. Its registers are on a slow clock: a write is ignored
+    /// while an earlier one takes effect, and the counter uses the old value until then.
     pub fn wait_for(&mut self, ms: u32) {
         let counts = |divider: u32| (ms * SLOW_KHZ) >> (2 + divider);
         let divider = (0..6).find(|&divider| counts(divider) <= COUNTS).unwrap_or(6);
@@ -52,8 +52,8 @@ impl Watchdog {
     }
 }
 
-/// Lets the watchdog go on while a debugger halts the core: the film would stay at high voltage otherwise. Debuggers set this bit
-/// when they attach, so it is cleared in every tick.
+/// Keeps the watchdog running while a debugger halts the core: the film would stay at high voltage otherwise. Debuggers set this bit when
+/// they attach, so it is cleared in every tick.
 pub fn outlive_debugger() {
     // SAFETY: the start and the tick alone change this register.
     unsafe { DEBUG_FREEZE.write_volatile(DEBUG_FREEZE.read_volatile() & !STOPS_WATCHDOG) };

@@ -39,7 +39,7 @@ pub enum Preload {
 /// let force_n = actuator.force_per_square_volt() * 6000.0 * 6000.0;
 /// assert!((force_n - 35.1).abs() < 0.1);
 ///
-/// // The weight acts on the film only if it was hung on it at the start.
+/// // The weight acts on the film only with `FromStart`.
 /// assert_eq!(actuator.preload_n(), 0.0);
 /// assert!(Actuator { preload: Preload::FromStart, ..actuator }.preload_n() > 3.0);
 /// # Ok::<(), ActuatorError>(())
@@ -57,10 +57,11 @@ pub struct Actuator {
     pub width_m: f64,
     /// Thickness l₃ of the film, m.
     pub thickness_m: f64,
-    /// The weight that hangs on the film, and its inertia, kg; zero in a test machine, which carries it.
+    /// Mass of the weight that hangs on the film, kg; zero in a test machine, which carries it. Its inertia is that of the model: give
+    /// [`Maxwell::new`](crate::Maxwell::new) the same mass.
     pub mass_kg: f64,
-    /// Growth of the force with displacement, κ in 1/m: a film of constant volume and width thins as it lengthens, so that
-    /// the force grows with 1 + κ x. Zero is Eq. 1. Negative where a fit finds that the force falls; behind a curve a fit may find more than the film can
+    /// Growth of the force with displacement, κ in 1/m: a film of constant volume and width thins as it lengthens, so that the force grows
+    /// with 1 + κ x. Zero is Eq. 1. A fit may find a negative value, and behind a curve a larger one than the film can
     /// [thin](Self::thinning_per_m).
     pub stretch_coupling: f64,
     /// Saturation voltage V_s in V: the force saturates as V² / (1 + (V/V_s)²), as in zipping actuators, films with lossy
@@ -204,14 +205,13 @@ impl Actuator {
         Load { force_n: electrostatic + self.preload_n(), slope_n_per_m: electrostatic * self.stretch_coupling }
     }
 
-    /// 1 + κ x: how many times larger the force of a voltage is at `displacement_m` (m) than at x = 0.
+    /// 1 + κ x: the force of a voltage at `displacement_m` (m) over that at x = 0.
     #[must_use]
     pub fn force_growth(&self, displacement_m: f64) -> f64 {
         1.0 + self.stretch_coupling * displacement_m
     }
 
-    /// How many times thinner the film is at `displacement_m` (m) than at x = 0: 1 + t x, with t of
-    /// [`thinning_per_m`](Self::thinning_per_m).
+    /// Thickness at x = 0 over that at `displacement_m` (m): 1 + t x, with t of [`thinning_per_m`](Self::thinning_per_m).
     ///
     /// ```
     /// use springpot::Actuator;
@@ -225,9 +225,9 @@ impl Actuator {
         1.0 + self.thinning_per_m() * displacement_m
     }
 
-    /// Returns how the film thins with displacement, 1/m: κ as far as thinning can cause it. A film of constant volume that is
-    /// stretched to λ in both directions has λ⁻² of its thickness: for strokes up to its length l₁ it thins by less than 1 + 3 x / l₁. A larger κ describes how the force
-    /// grows, not the thickness.
+    /// Thinning of the film per displacement, 1/m: κ, at most 3 / l₁. A film of constant volume that is stretched to λ in both directions
+    /// has λ⁻² of its thickness, so that for strokes up to its length l₁ it thins by less than 1 + 3 x / l₁. A larger κ describes the force
+    /// alone.
     #[must_use]
     pub fn thinning_per_m(&self) -> f64 {
         self.stretch_coupling.min(MAX_THINNING / self.length_m)
@@ -372,7 +372,7 @@ impl<T: Real> VoltageDrive<T> {
         }
     }
 
-    /// Visits what a conversion computes with.
+    /// Visits the constants of a conversion.
     #[doc(hidden)]
     pub fn numbers(&self, take: &mut impl Numbers<T>) {
         take.structure(

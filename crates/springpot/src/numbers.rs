@@ -2,8 +2,8 @@
 
 /// Visits the constants that a step or a tick computes with.
 ///
-/// The visits are the one source of the structures of the emitted C: their names, order, fields and comments. Constants that a construction
-/// computes in f64 come as the step has them, rounded to `T`; so do constants of the code other than 0, ½, 1, 1½, 2, 4 and 8.
+/// The visits are the one source of the structures of the emitted C: their names, order, fields and comments. Constants computed in f64 are
+/// passed as the step uses them, rounded to `T`; so are constants of the code other than 0, ½, 1, 1½, 2, 4 and 8.
 pub trait Numbers<T> {
     /// Begins the structure `name`: the constants that follow are its fields.
     fn structure(&mut self, _name: &'static str, _about: &'static str) {}

@@ -20,8 +20,8 @@ pub trait Scalar:
     /// The value as `f64`, without derivatives, for the checks when a law is built.
     fn to_f64(self) -> f64;
 
-    /// Whether the value is less than `other`, as `f64` has it unless a type knows a faster way: which piece of an elastic curve a
-    /// step is on. False where either is NaN.
+    /// Whether the value is less than `other`; false where either is NaN. A step selects the piece of an elastic curve with it. Compares as
+    /// `f64` unless a type has a faster way.
     #[inline]
     #[must_use]
     fn is_below(self, other: Self) -> bool {

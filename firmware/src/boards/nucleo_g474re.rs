@@ -14,8 +14,8 @@ pub const ID: u16 = boards::NUCLEO_G474RE;
 /// Its crystal, Hz.
 pub const CRYSTAL_HZ: u32 = 24_000_000;
 
-/// Converters of the board, and its hard ceilings: no blob and no upload allows more. **Set them for the bench that this image is for**, from what its
-/// film, its clamp and its people withstand; here they are those of the largest usual bench.
+/// Converters of the board, and its ceilings, which no blob and no upload exceeds. **Set them to what clamp, film and amplifier of your
+/// bench withstand**; these are for the largest usual bench.
 pub const CONVERTERS: Converters = Converters {
     ceilings: Ceilings { voltage_v: 10e3, field_v_per_m: 2e8, stroke_m: 20e-3 },
     ..Converters::STM32G4_ON_CHIP
@@ -25,7 +25,7 @@ pub const CONVERTERS: Converters = Converters {
 /// two cycles of the core, at 170 MHz of four; the controller and a part of the check of the memory take 7 200.
 pub const CYCLES_PER_TICK: f32 = 15_500.0;
 
-/// The green light hangs between pin and ground.
+/// The green light is between pin and ground.
 pub const DARK: bool = false;
 
 /// Monitor at PA0, sensor at PA1.

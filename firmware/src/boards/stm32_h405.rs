@@ -1,5 +1,5 @@
-//! Olimex STM32-H405, and other boards with an STM32F405RG and a crystal of 8 MHz: an AD5754 and two ADS868x on SPI. `docs/wiring.md` shows the
-//! bench on its pins.
+//! Olimex STM32-H405, and other boards with an STM32F405RG and a crystal of 8 MHz: an AD5754 and two ADS868x on SPI. `docs/boards.md` shows
+//! the bench on its pins.
 
 use dea_driver::chips::{AdcRange, Ceilings, CommandRange, Converters, Reference};
 use dea_driver::wire::{InjectedFault, Inspection, boards};
@@ -23,8 +23,8 @@ pub const ID: u16 = boards::STM32F405;
 /// Its crystal, Hz.
 pub const CRYSTAL_HZ: u32 = 8_000_000;
 
-/// Converters of the board, and its hard ceilings: no blob and no upload allows more. **Set them for the bench that this image is for**, from what its
-/// film, its clamp and its people withstand; here they are those of the largest usual bench.
+/// Converters of the board, and its ceilings, which no blob and no upload exceeds. **Set them to what clamp, film and amplifier of your
+/// bench withstand**; these are for the largest usual bench.
 pub const CONVERTERS: Converters = Converters {
     ceilings: Ceilings { voltage_v: 10e3, field_v_per_m: 2e8, stroke_m: 20e-3 },
     ..Converters::AD5754_ADS868X
@@ -35,7 +35,7 @@ pub const CONVERTERS: Converters = Converters {
 /// a part of the check of the memory, some 4 000.
 pub const CYCLES_PER_TICK: f32 = 9600.0;
 
-/// The light hangs between supply and pin.
+/// The light is between supply and pin.
 pub const DARK: bool = true;
 
 /// Clock of both buses, Hz: 42 MHz by 8, and 84 MHz by 16. The DAC reads back at up to 17 MHz; the wires are meant for 10 MHz, and the
@@ -96,8 +96,8 @@ pub struct Bench {
 impl Bench {
     /// Disables the amplifier before anything else, and brings its command to 0 V.
     ///
-    /// Clock and data pads have the highest speed: at the lowest, which they come with, the clock that comes back from its pad is late
-    /// for the last bit of every received byte. What no chip drives reads 0.
+    /// Clock and data pads have the highest speed: at the lowest, which they come with, the clock that comes back from its pad is late for
+    /// the last bit of every received byte. A line that no chip drives reads 0.
     pub fn new(pins: Pins, adc_bus: &'static mut Option<AdcBus>, rcc: &mut Rcc) -> Self {
         let Pins { enable, interlock, adc, port_b: gpiob, spi1, spi2 } = pins;
         let sck = gpiob.pb13.into_alternate().speed(Speed::VeryHigh);

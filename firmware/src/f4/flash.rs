@@ -72,7 +72,7 @@ impl NorFlash for ParameterFlash {
     }
 }
 
-/// Forgets faults of earlier operations, which would be taken for faults of the next.
+/// Clears faults of earlier operations, which would be taken for faults of the next.
 fn clear_faults() {
     // SAFETY: this code has the flash to itself; writing ones clears the flags.
     let status = unsafe { &*FLASH::ptr() }.sr();

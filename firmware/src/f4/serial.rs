@@ -22,8 +22,8 @@ pub fn open(usart: USART2, (tx, rx): Pins, rcc: &mut Rcc) -> Result<Port, Invali
     Ok(serial)
 }
 
-/// The byte that has come, if one has, whatever the line says of it: noise on one of three samples of a bit need not have changed it,
-/// and the checksum of its frame shows it.
+/// The received byte, if there is one, also with a line error: noise on one of three samples of a bit need not have changed it, and the
+/// checksum of its frame shows it.
 pub fn received(_owner: &mut Port) -> Option<u8> {
     // SAFETY: the port is the caller's alone. Reading its data register after its status clears the flags of the status.
     let usart = unsafe { &*USART2::PTR };
@@ -37,12 +37,12 @@ pub fn received(_owner: &mut Port) -> Option<u8> {
     came.then_some(byte)
 }
 
-/// Sends the byte that is `next` if the port is free for it; without one the interrupt of a free port ends.
+/// Sends the `next` byte if the port is free; without one it disables the interrupt of a free port.
 pub fn send(port: &mut Port, next: impl FnOnce() -> Option<u8>) {
     if port.is_tx_empty() {
         match next() {
             Some(byte) => {
-                // It is empty, so there is no waiting.
+                // It is empty, so this does not wait.
                 let _ = Write::write(port, byte);
                 port.listen(Event::TxEmpty);
             }

@@ -35,8 +35,8 @@ pub fn open(usart: Usart, _: Pins, rcc: &mut Rcc) -> Result<Port, u32> {
     Ok(Port(usart))
 }
 
-/// The byte that has come, if one has, whatever the line says of it: noise on one of three samples of a bit need not have changed it,
-/// and the checksum of its frame shows it.
+/// The received byte, if there is one, also with a line error: noise on one of three samples of a bit need not have changed it, and the
+/// checksum of its frame shows it.
 pub fn received(port: &mut Port) -> Option<u8> {
     let status = port.0.isr().read();
     let came = status.rxne();
@@ -48,7 +48,7 @@ pub fn received(port: &mut Port) -> Option<u8> {
     came.then(|| port.0.rdr().read().dr() as u8)
 }
 
-/// Sends the byte that is `next` if the port is free for it; without one the interrupt of a free port ends.
+/// Sends the `next` byte if the port is free; without one it disables the interrupt of a free port.
 pub fn send(port: &mut Port, next: impl FnOnce() -> Option<u8>) {
     if port.0.isr().read().txe() {
         let next = next();

@@ -19,21 +19,21 @@ const POWER_A: u16 = 1;
 const POWER_REFERENCE: u16 = 1 << 4;
 /// Channel A is at its current limit, and the chip is too hot: read with the power.
 const ALARMS: u16 = 1 << 7 | 1 << 5;
-/// Thermal shutdown, which is off when the chip comes up, and the current limit of 20 mA, which is on: clear means another thing.
+/// Thermal shutdown, which is off after power-up, and the current limit of 20 mA, which is on then.
 const PROTECTION: u16 = 1 << 3 | 1 << 2;
-/// The bits that a register has; what the others read is not stated.
+/// The defined bits of a register.
 const CONTROL_BITS: u16 = 0xf;
 const RANGE_BITS: u16 = 0x7;
 
-/// Where the DAC has its reference of 2.5 V from.
+/// The source of the DAC's reference of 2.5 V.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reference {
-    /// From another chip, at REFIN: any AD5754. The internal one of an AD5754R stays off, so that they do not drive against each other; without the
-    /// other chip its output stays at 0 V, whatever it is sent.
+    /// Another chip, at REFIN: any AD5754. The internal reference of an AD5754R stays off, so that they do not drive against each other;
+    /// without the other chip its output stays at 0 V.
     #[default]
     External,
-    /// From itself: an AD5754R with nothing else at REFIN/REFOUT. A chip without one is refused before it is enabled.
+    /// The internal reference of an AD5754R, with nothing else at REFIN/REFOUT. A chip without one is refused before it is enabled.
     Internal,
 }
 
@@ -90,7 +90,7 @@ pub enum AmplifierError {
     Bus,
     /// The enable output did not switch.
     Enable,
-    /// The DAC does not hold what it was sent: it is not there, has lost its supply, or its SDO is not wired.
+    /// The DAC does not hold the value that it was sent: it is missing, has lost its supply, or its SDO is not wired.
     Readback {
         /// The value that it was sent.
         wanted: u16,
@@ -198,7 +198,7 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
         Ok(())
     }
 
-    /// Between the bits of channel A are those of the others.
+    /// The other bits of the register are those of other channels.
     fn check_power(&mut self) -> Result<(), AmplifierError> {
         let wanted = self.power;
         let checked = self.read(POWER).and_then(|power| match power & (wanted | ALARMS) {

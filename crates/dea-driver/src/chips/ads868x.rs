@@ -8,7 +8,7 @@ use crate::chips::{AdcCode, AdcRange};
 const WRITE: u8 = 0xd0;
 /// Read both bytes of a register.
 const READ: u8 = 0xc8;
-/// The register of what a frame carries beside its sample.
+/// The register of the fields that a frame carries with its sample.
 const DATAOUT_CTL: u8 = 0x10;
 /// The input range, in the four bits behind the sample. Alone: where more fields are asked for, their order differs between data
 /// sheets of the family.
@@ -32,8 +32,8 @@ const fn range_sel(range: AdcRange) -> u16 {
 /// before. It converts after every frame, for 5 µs at the most (ADS8689), and does not see a frame that begins meanwhile. So there
 /// is one frame to a reading, also while the chip is set up: that takes four readings, which fail with [`AdcError::Starting`].
 ///
-/// Every frame carries the chip's range beside the sample. One that is not there, or whose supply has dipped and that is back on
-/// ±12.288 V, where 0 V is half of its codes, shows in the same tick and is set up again from the next one on.
+/// Every frame carries the chip's range beside the sample. A missing chip, or one whose supply has dipped and that is back on ±12.288 V,
+/// where 0 V is half of its codes, fails in the same tick and is set up again from the next one on.
 ///
 /// ```
 /// use dea_driver::chips::{AdcError, AdcRange, Ads868x};
@@ -80,7 +80,7 @@ enum Frame {
 pub enum AdcError {
     /// The transfer on the bus failed.
     Bus,
-    /// The chip does not have the range that it was set to: no chip, another one, or one that has been without supply.
+    /// The chip does not have the range that it was set to: it is missing, another one, or has lost its supply.
     Range {
         /// The expected value: the register, or the part of a frame beside its sample.
         wanted: u16,

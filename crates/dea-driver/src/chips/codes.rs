@@ -120,14 +120,14 @@ pub struct Converters {
     pub sensor_v: f32,
     /// The same for the ADC of the current monitor, V; `None` for a board without one.
     pub current_v: Option<f32>,
-    /// How coarse they are.
+    /// Their resolution.
     pub resolution: Resolution,
     /// Largest values that the board allows, whatever its parameters state.
     pub ceilings: Ceilings,
 }
 
-/// How coarse the converters of a board are: what they do not distinguish, noise included, as shares of their full scales. Limits that are finer
-/// cannot be kept, and [`Parameters`](crate::Parameters) with such limits are refused.
+/// Resolution of the converters of a board, with noise, as shares of their full scales. [`Parameters`](crate::Parameters) with finer limits
+/// are refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Resolution {
@@ -137,8 +137,8 @@ pub struct Resolution {
     pub monitor: f32,
     /// Share of the full scale of the displacement sensor's ADC; 0: finer than any limit.
     pub sensor: f32,
-    /// Share by which a reference that all converters have in common may be off, so that command and monitor agree and both are wrong; 0: they
-    /// have none in common. The ceilings are lower by as much.
+    /// Share by which a common reference of all converters may be off, so that command and monitor agree and both are wrong; 0 without one.
+    /// It lowers the ceilings.
     pub reference: f32,
 }
 
@@ -184,9 +184,9 @@ impl Converters {
         }
     }
 
-    /// The converters of a board that this repository has firmware for, by its number, without ceilings; those of
-    /// [`boards::STM32F405`] for any other number: a firmware of your own states what it has. With a monitor of the current where a board may
-    /// have one: whether it has shows when it is given parameters.
+    /// The converters of a board that this repository has firmware for, by its number, without ceilings; those of [`boards::STM32F405`] for
+    /// any other number, so state those of your own firmware. With a monitor of the current where a board may have one; the board itself
+    /// refuses parameters that need a missing one.
     #[must_use]
     pub const fn of_board(id: u16) -> Self {
         match id {
@@ -237,10 +237,10 @@ pub struct Ceilings {
 }
 
 impl Ceilings {
-    /// No ceilings but those of any limits: no amplifier for a film gives more, no elastomer holds as much, no film is as long.
+    /// The bounds of any limits, beyond all amplifiers, elastomers and films.
     pub const NONE: Self = Self { voltage_v: 50e3, field_v_per_m: 5e8, stroke_m: 1.0 };
 
-    /// Ceilings for limits that hold although a common reference is off by a `share`.
+    /// The ceilings of limits if a common reference may be off by a `share`.
     pub(crate) fn within(&self, share: f32) -> Self {
         let lower = |ceiling: f32| ceiling / (1.0 + share);
         Self {

@@ -49,11 +49,12 @@ pub struct Outputs {
 ///
 /// `M` is the memory of its law, as of the [`Blob`].
 ///
-/// A tick cannot fail, and takes the same number of operations every time, apart from samples of the sensor, which may arrive
-/// more slowly, and from a law that [adapts](Self::order_adaptation), which spreads its work over some thirty ticks. It converts between volts at the converters and quantities; converters and their codes are the caller's.
+/// A tick cannot fail, and takes a constant number of operations, apart from sensor samples, which may arrive more slowly, and from a law
+/// that [adapts](Self::order_adaptation), which spreads its work over some thirty ticks. It converts between volts at the converters and
+/// quantities; the caller converts codes.
 ///
-/// Requests between two ticks go through the methods here, and are refused as the [`Supervisor`] refuses them. There is no access to the [`Supervisor`] but to read it:
-/// [`start`](Self::start) always takes a mode, every run begins at 0 V, and targets end with the state that they were set in.
+/// Requests between two ticks go through the methods here, and are refused as by the [`Supervisor`], which can only be read:
+/// [`start`](Self::start) takes a mode, every run begins at 0 V, and targets end with the state that they were set in.
 ///
 /// ```
 /// use dea_driver::{Blob, Controller, DriverState, Inputs, Mode, Parameters};
@@ -170,8 +171,8 @@ impl<M: ControllerMemory> From<&Blob<M>> for Controller<M> {
 }
 
 impl<M: ControllerMemory> Controller<M> {
-    /// The controller of `blob`, disarmed. For the stroke its film has been at the end of it for an hour, until a plausible sensor shows
-    /// where it is when a run begins: what is left of earlier creep fades as the law has it.
+    /// The controller of `blob`, disarmed. For the limit of the stroke its film has been at the end of the stroke for an hour and relaxes
+    /// by its law, until a plausible sensor shows the film when a run begins.
     #[must_use]
     #[allow(clippy::needless_pass_by_value)] // a blob is for one controller
     pub fn new(blob: Blob<M>) -> Self {
@@ -232,8 +233,8 @@ impl<M: ControllerMemory> Controller<M> {
         }
     }
 
-    /// Goes on with the film that `before` has driven, and with its amplifier: what is left of creep counts for the stroke, until a plausible sensor shows it
-    /// at 0 V, and voltage while it was disabled counts as before.
+    /// Takes over film and amplifier of `before`: remaining creep counts for the stroke until a plausible sensor shows it at 0 V, and
+    /// voltage while disabled counts as before.
     #[cfg(feature = "link")]
     pub(crate) fn take_film_of(&mut self, before: &Self) {
         self.supervisor.take_discharge_of(&before.supervisor);

@@ -22,9 +22,10 @@ pub enum Mode {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LearningOrder {
-    /// It is forgotten now; what a run adds to its reference fades out within a second.
+    /// Reset it now; the correction in a run fades out within a second.
     Forget,
-    /// The next run begins with it, if it follows the same reference from the same phase on. Without this order a run begins with nothing.
+    /// Begin the next run with it, if that follows the same reference from the same phase on. Without this order a run begins without a
+    /// correction.
     CarryOver,
 }
 
@@ -32,23 +33,23 @@ pub enum LearningOrder {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AdaptationOrder {
-    /// The law follows its film, while the sensor shows it: [`Adapting::Learn`].
+    /// The law adapts while the sensor shows the film: [`Adapting::Learn`].
     Learn {
         /// [Ageing](Adapted::ageing) from which a run trips.
         trip_at: f32,
     },
-    /// Nothing is learned, and what was learned stays in use: [`Adapting::Hold`].
+    /// Learned changes stay in use, and nothing is learned: [`Adapting::Hold`].
     Hold,
-    /// The law as it was fitted comes back within some seconds, and nothing is learned: [`Adapting::Off`].
+    /// Return to the law as it was fitted within some seconds, and learn nothing: [`Adapting::Off`].
     Off,
-    /// Forget what was learned; learning, if it is on, goes on.
+    /// Discard learned changes; learning, if it is on, continues.
     Forget,
-    /// Store what was learned with the parameters, which stay as they are: in use, and held, from the next start on. Stores that nothing was learned
-    /// where the law is as it was fitted. While the amplifier is off.
+    /// Store the learned changes with the parameters: in use, and held, from the next start on. Clears stored ones where nothing was
+    /// learned. While the amplifier is off.
     Keep,
-    /// The film is at another temperature, beside what is learned, with or without a sensor:
-    /// [`set_temperature_factors`](springpot::TrackingState::set_temperature_factors). It stays over runs, stops and trips; with [`Off`](Self::Off), other
-    /// parameters or a restart it is forgotten.
+    /// Set the factors of the film's temperature, with or without a sensor:
+    /// [`set_temperature_factors`](springpot::TrackingState::set_temperature_factors). They last over runs, stops and trips, until
+    /// [`Off`](Self::Off), other parameters or a restart.
     Temperature {
         /// Its stiffness over that of its law, 0.25 to 4.
         stiffness: f32,
@@ -57,21 +58,21 @@ pub enum AdaptationOrder {
     },
 }
 
-/// How far a film has moved from its law.
+/// The learned changes of a film.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AdaptationStatus {
-    /// How the law follows it.
+    /// How the law adapts.
     pub adapting: Adapting,
     /// The changes that are in use.
     pub adapted: Adapted<f32>,
-    /// Change of the stiffness that has been shown: [`stiffness_change`](springpot::TrackingState::stiffness_change).
+    /// Relative change of the stiffness: [`stiffness_change`](springpot::TrackingState::stiffness_change).
     pub stiffness_change: f32,
     /// Ageing from which a run trips; infinite before it was first ordered to learn.
     pub trip_at: f32,
-    /// Factor of the stiffness at the film's [temperature](AdaptationOrder::Temperature), and of its relaxation times; 1 where none was ordered.
+    /// Factor of the stiffness at the film's [temperature](AdaptationOrder::Temperature); 1 without an order.
     pub stiffness: f32,
-    /// See [`stiffness`](Self::stiffness).
+    /// Factor of its relaxation times, likewise.
     pub time: f32,
 }
 
@@ -95,7 +96,7 @@ pub struct Telemetry {
     pub reference_m: f32,
     /// Correction learned from the reference's cycles and added to it, m.
     pub learned_m: f32,
-    /// Force that the model does not explain, N.
+    /// Estimated force that the model does not explain, N.
     pub disturbance_n: f32,
     /// Electrostatic force in units of the model's.
     pub force_scale: f32,

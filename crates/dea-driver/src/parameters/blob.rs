@@ -9,8 +9,8 @@ use crate::chips::{CalibrationError, Converters};
 use crate::parameters::{ControllerMemory, Parameters};
 use crate::safety::{LimitsError, Supervisor};
 
-/// The newest version of the format, which has laws with a spring in series with their memory. Other blobs are written as one of the versions
-/// before, which older firmware reads as well.
+/// The newest version of the format, for laws with a spring in series with their memory. Blobs of other laws have an earlier version, which
+/// older firmware reads as well.
 pub const SCHEMA: u16 = 6;
 
 /// The version of blobs without a spring.
@@ -172,7 +172,7 @@ pub enum BlobError {
         /// The band, V.
         band_v: f32,
     },
-    /// An amplifier so steep that a step of the DAC is more than the monitor's band.
+    /// An amplifier so steep that a step of the DAC exceeds the monitor's band.
     #[error(
         "the amplifier: a step of the DAC is {step_v} V at the film, more than limits.monitor.band_v ({band_v} V); correct its \
          calibration or widen the band"
@@ -183,7 +183,7 @@ pub enum BlobError {
         /// The band, V.
         band_v: f32,
     },
-    /// A limit that is finer than what the board's converters distinguish.
+    /// A limit that is finer than the resolution of the board's converters.
     #[error(
         "limits.{quantity} is {value}, and the converters of this board do not distinguish less than {min} with these calibrations; widen \
          the limit, or spread the instrument's range over that of its converter"
@@ -241,7 +241,7 @@ pub enum BlobError {
         /// Fewest ticks in which its samples show that the film moves.
         min_ticks: f32,
     },
-    /// Self-sensing on a board without a monitor of the current, or whose program leaves it out.
+    /// Self-sensing on a board without a monitor of the current, or whose program does not have it.
     #[error("self-sensing needs a monitor of the current, which this board has not; leave it out of the parameters")]
     NoCurrent,
     /// Self-sensing that was refused.
@@ -262,7 +262,7 @@ pub enum BlobError {
         /// Longest time, s.
         limit_s: f32,
     },
-    /// A value that leaves no room for the tone of self-sensing, or that the film as a sensor is too slow for.
+    /// A value that leaves no room for the tone of self-sensing, or for which the film as a sensor is too slow.
     #[error("{quantity} is {value}; with this self-sensing it must be {bound} {limit}")]
     SelfSensingNeeds {
         /// Name of the value.
@@ -345,8 +345,8 @@ impl<M: ControllerMemory> Blob<M> {
         &self.parameters
     }
 
-    /// The checksum of the bytes that it was read from, as they would be without [what was kept](Parameters::adapted) of a film that changes; none if it
-    /// was made of values.
+    /// The checksum of the bytes that it was read from, without [kept changes](Parameters::adapted) of the film; none if it was made of
+    /// values.
     #[must_use]
     pub fn checksum(&self) -> Option<u32> {
         self.checksum

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use springpot::{Coefficients, Compressed, Follower, Law, LawError, LawState, Memory, Numbers, Tracking};
 
-/// The memory of a film that no sensor corrects. It watches limits alone, for which 1 % is enough: see [`Law::coarser`].
+/// The memory of the model that limits the stroke, for which 1 % is enough: see [`Law::coarser`].
 pub(crate) type Watched = Compressed<f32, 4, 11, 7>;
 
 /// A memory that the law of a controller can have: a [`Compressed`] of any size, in single precision.

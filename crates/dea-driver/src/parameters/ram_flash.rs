@@ -7,7 +7,7 @@ use embedded_storage::nor_flash::{
 /// Bytes of an erasable part.
 const PART: usize = 1024;
 
-/// Two erasable parts of flash in memory, for tests and examples without hardware. What it keeps ends with it.
+/// Two erasable parts of flash in memory, for tests and examples without hardware. Its contents end with the program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RamFlash {
     /// The contents.

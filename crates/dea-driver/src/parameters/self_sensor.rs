@@ -3,7 +3,7 @@
 #[cfg(feature = "self-sensing")]
 pub use with_current::SelfSensor;
 
-/// Self-sensing of a film, of which a driver without the feature `self-sensing` has none.
+/// Self-sensing of a film, which does not exist without the feature `self-sensing`.
 #[cfg(not(feature = "self-sensing"))]
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub enum SelfSensor {}
@@ -52,8 +52,8 @@ mod with_current {
     }
 
     impl SelfSensor {
-        /// Self-sensing by `relation` with these `options`, and a `current` monitor (V) → (A). A host builds it: that takes a controller as long as
-        /// the law of a film.
+        /// Self-sensing by `relation` with these `options`, and a `current` monitor (V) → (A). Build it on a host: it takes a controller as
+        /// long as building a law.
         ///
         /// # Errors
         ///

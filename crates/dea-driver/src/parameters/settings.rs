@@ -12,8 +12,7 @@ use crate::safety::Limits;
 ///
 /// `M` is the memory of the law, as of every type that depends on it: see [`ControllerMemory`].
 ///
-/// [`bench`](Self::bench) gives a set to start from; replace what differs. Nothing is checked until a [`Blob`](crate::Blob)
-/// is made of it.
+/// [`bench`](Self::bench) gives a set to start from; replace what differs. [`Blob`](crate::Blob) checks them.
 ///
 /// ```
 /// use dea_driver::chips::Calibration;
@@ -30,7 +29,7 @@ use crate::safety::Limits;
 /// };
 /// let blob = Blob::new(parameters.clone())?;
 ///
-/// // What a controller could not keep is refused.
+/// // Limits that a controller cannot keep are refused.
 /// let limits = Limits { max_voltage_v: 50e3, ..parameters.limits };
 /// let refused = Blob::new(Parameters { limits, ..parameters });
 /// assert!(matches!(refused.err(), Some(BlobError::Reach { instrument: "monitor", .. })));
@@ -64,14 +63,15 @@ pub struct Parameters<M: ControllerMemory = Compressed<f32>> {
     pub limits: Limits,
     /// How references are followed and the film is observed.
     pub control: Control,
-    /// Voltage (V) above which [`max_voltage_v`](Limits::max_voltage_v) asks for a self-test of the bench since the start before it is armed:
-    /// [`NO_SELF_TEST_V`](Self::NO_SELF_TEST_V) for never, 0 for always. Blobs that do not state it ask for none.
+    /// Voltage (V) above which [`max_voltage_v`](Limits::max_voltage_v) requires a self-test of the bench since the start before arming:
+    /// [`NO_SELF_TEST_V`](Self::NO_SELF_TEST_V) for never, also in blobs that do not state it; 0 for always.
     #[serde(skip, default = "no_self_test_v")]
     pub self_test_above_v: f32,
-    /// The changes of the film that were learned when they were [kept](crate::AdaptationOrder::Keep): in use from the start, and held. None for the law as it was fitted.
+    /// Learned changes of the film that were [kept](crate::AdaptationOrder::Keep): in use from the start, and held. `None`: the law as it
+    /// was fitted.
     #[serde(skip)]
     pub adapted: Option<Adapted<f32>>,
-    /// The film as its own sensor, on a board with a monitor of the current. None: it is not sensed.
+    /// The film as its own sensor, on a board with a monitor of the current. `None`: no self-sensing.
     #[serde(skip)]
     pub self_sensing: Option<SelfSensor>,
 }

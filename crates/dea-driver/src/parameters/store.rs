@@ -55,9 +55,9 @@ pub struct Store<F, M: ControllerMemory = Compressed<f32>> {
 /// Parameters as they were found.
 #[derive(Clone, Debug)]
 pub struct Stored<M: ControllerMemory = Compressed<f32>> {
-    /// The newest that hold.
+    /// The newest valid set.
     pub blob: Blob<M>,
-    /// Whether a newer set was damaged, or cut off while it was saved. The loaded set may allow more than the newer one did.
+    /// Whether a newer set was damaged, or cut off while it was saved. The loaded set may allow more.
     pub newer_lost: bool,
 }
 

@@ -47,8 +47,8 @@ pub struct Limits {
     pub on_sensor_fault: OnSensorFault,
     /// Longest time without a heartbeat or a set-point of the host that armed, s.
     pub heartbeat_s: f32,
-    /// Time from disabling the amplifier until the film is at 0 V, s: through the amplifier's bleeder, or a film's own leakage. Longer
-    /// where the amplifier's `fall_s` takes longer from the largest voltage.
+    /// Time from disabling the amplifier until the film is at 0 V, s: through the amplifier's bleeder, or a film's own leakage. If the
+    /// amplifier's `fall_s` takes longer from the largest voltage, that time counts.
     #[serde(default = "discharge_s")]
     pub discharge_s: f32,
 }
@@ -64,9 +64,8 @@ pub struct MonitorLimits {
     pub band_v: f32,
     /// Allowed difference as a share of the voltage.
     pub band_share: f32,
-    /// Time for which the difference may be larger, s, in one piece or in many: sixteen ticks inside the band
-    /// cancel one outside, so an amplifier that lags behind edges may do so for a seventeenth of the time. A reading that falls below
-    /// three quarters of the voltage is an arc: it may come back for this long, and not again within half a second after that.
+    /// Longest time outside the band, s, in sum: sixteen ticks inside the band cancel one outside. A reading that falls below three
+    /// quarters of the voltage is an arc: it may recover for this time, and not occur again within half a second after that.
     pub settle_s: f32,
 }
 
@@ -81,11 +80,11 @@ pub struct PlausibilityLimits {
     pub high: f32,
     /// Largest plausible change from one tick to the next.
     pub jump: f32,
-    /// Number of ticks after which a sensor that shows exactly the same value counts as stuck. One whose mean over a tenth of
-    /// these ticks moves by less than a fifth of what the model does within them is stuck a fifth of them later, which must be
-    /// longer than the sensor's delay and the interval of its samples.
+    /// Number of ticks after which a sensor with exactly the same value counts as stuck. [`Motion`](crate::Motion) compares means over a
+    /// tenth of them with the model. At least five times the sensor's delay and sample interval together.
     pub stuck_ticks: u32,
-    /// A fifth of the movement of the model that shows a stuck sensor, in its unit: more than the noise of its converter.
+    /// Band of a stuck sensor, in its unit: it counts as stuck once the model has moved by five times as much. More than the noise of its
+    /// converter.
     #[serde(default = "stuck_band")]
     pub stuck_band: f32,
 }
@@ -145,7 +144,7 @@ pub enum LimitsError {
     /// Time constants of the amplifier that are negative, not finite or above 10 s / 1.5: an amplifier may be half as slow again.
     #[error("amplifier: rise_s ({}) and fall_s ({}) must be from 0 to 6.66", .0.rise_s, .0.fall_s)]
     Amplifier(AmplifierLag),
-    /// A limit so large that it protects nothing, on its own or beside the others.
+    /// A limit so large that it protects nothing, alone or with the others.
     #[error("{quantity} is {value}, too large to protect anything; it must be at most {max}")]
     TooLarge {
         /// Name of the limit; in the sensor's unit for those of the sensor.
@@ -193,7 +192,7 @@ impl Limits {
         self.max_voltage_v * (1.0 + self.monitor.band_share) + self.monitor.band_v
     }
 
-    /// The first limit that is above its ceiling, with both. A ceiling that is not a number lets nothing pass.
+    /// The first limit that is above its ceiling, with both. A NaN ceiling refuses every limit.
     pub(crate) fn exceeded(&self, ceilings: &Ceilings) -> Option<(&'static str, f32, f32)> {
         let values = [
             ("max_voltage_v", self.max_voltage_v, ceilings.voltage_v),
@@ -234,7 +233,7 @@ impl Limits {
         self.check_that_they_protect()
     }
 
-    /// Checks the bounds beyond which a limit was meant in another unit, or is switched off.
+    /// Checks the bounds beyond which a limit has another unit, or is ineffective.
     fn check_that_they_protect(&self) -> Result<(), LimitsError> {
         let sensor = &self.sensor;
         let farthest_m = sensor.low.abs().max(sensor.high.abs());
@@ -276,7 +275,7 @@ fn first<T>(items: &[T], wrong: impl Fn(&T) -> bool) -> Option<&T> {
     items.iter().find(|item| wrong(item))
 }
 
-/// A sensor that shows nothing for longer than this is not watched, s.
+/// Longest time of a stuck sensor that limits may allow, s.
 const MAX_STUCK_S: f32 = 10.0;
 
 impl PlausibilityLimits {

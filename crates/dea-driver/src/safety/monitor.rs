@@ -92,14 +92,14 @@ impl Monitor {
         }
     }
 
-    /// Everything that does not change after construction but the lag.
+    /// The constants except the lag, for a check of the memory.
     #[cfg(feature = "link")]
     pub(crate) fn constants(&self) -> ([f32; 3], [i32; 4]) {
         let ticks = [self.largest_excess, self.watch_ticks, self.again_ticks, self.made_up_ticks];
         ([self.slew_v_per_tick, self.band_v, self.band_share], ticks)
     }
 
-    /// Whether its counters and voltages are such as ticks leave them, of commands up to `max_v` (V): others would hide a wrong reading.
+    /// Whether counters and voltages are possible after ticks with commands up to `max_v` (V): others would hide a wrong reading.
     #[cfg(feature = "link")]
     pub(crate) fn is_sound(&self, max_v: f32) -> bool {
         // An arithmetic step may end a little beyond.
@@ -111,7 +111,8 @@ impl Monitor {
             && self.watched <= self.watch_ticks
     }
 
-    /// The same monitor of an amplifier with this `lag`, which may be half as slow or half as fast again, ticked `rate_hz` times a second.
+    /// The same monitor for an amplifier with this `lag`, whose time constants may be half to one and a half times as long, at `rate_hz`
+    /// ticks a second.
     ///
     /// # Errors
     ///
@@ -134,19 +135,16 @@ impl Monitor {
         (self.fallen, self.fallen_last, self.falls, self.falls_too_often) = (0, 0, 0, false);
     }
 
-    /// Compares the command of the last tick (V) with the monitor (V); false once they have differed for longer than the settle
-    /// time, in one piece or in many: sixteen ticks of agreement make up for one without. Also after a second arc within half a second, and
-    /// after [falls that are too many](Self::falls_too_often).
+    /// Compares the command of the last tick (V) with the monitor's reading (V). Returns false once they have differed for longer than the
+    /// settling time in sum, where sixteen ticks of agreement cancel one of difference; and, until [`reset`](Self::reset), after a second
+    /// arc or [too many falls](Self::falls_too_often).
     ///
-    /// An amplifier may be faster than its slew: any voltage agrees that one of that slew or more can have, and that [lags](Self::behind)
-    /// no more and no less than it may, also where the command has turned back meanwhile. The reading may be new or have been sampled a tick ago, as a converter has it that answers with
-    /// the sample of the frame before: so what agreed in the tick before agrees as well. Around these voltages there is the band.
-    /// NaN differs.
+    /// A reading agrees if it is within the band around the voltages that an amplifier of this slew or more, with its [lag](Self::behind),
+    /// can have in this tick or in the one before, since a converter may answer with the sample of the frame before. NaN differs.
     ///
-    /// False as well, until [`reset`](Self::reset), once the film arcs again. An arc is a reading that has fallen from one tick to
-    /// the next by more than the band, and below three quarters of the lowest of these voltages by more than the band. Any reading
-    /// has fallen that follows NaN. One arc may heal, and what falls within the settle time after it belongs to it; the next one
-    /// within half a second after that time is one too many.
+    /// An arc is a reading that has fallen since the last tick by more than the band, or follows NaN, and is below three quarters of the
+    /// lowest of these voltages by more than the band. Falls within the settling time after an arc belong to it; the next arc within half a
+    /// second after that is the second.
     #[must_use]
     pub fn agrees(&mut self, command_v: f32, monitor_v: f32) -> bool {
         let (lowest_before_v, highest_before_v) = (self.lowest_v, self.highest_v);
@@ -206,13 +204,13 @@ impl Monitor {
         }
     }
 
-    /// Falls of the reading out of the band, by more than that within a tick, since the last [`reset`](Self::reset).
+    /// Number of falls of the reading out of the band, by more than the band within a tick, since the last [`reset`](Self::reset).
     #[must_use]
     pub fn falls(&self) -> u16 {
         self.falls
     }
 
-    /// Whether they were too many: more than 30, or more than six that ten seconds each have not made up for.
+    /// Whether there were too many [falls](Self::falls): more than 30, or more than six for which ten seconds each have not made up.
     #[must_use]
     pub fn falls_too_often(&self) -> bool {
         self.falls_too_often

@@ -28,17 +28,19 @@ const PRESUMED_BLOCKS: u8 = 10;
 /// Both are averaged over blocks of a tenth of `stuck_ticks`, so that neither the noise of a converter nor that of a whole sensor hides a
 /// frozen one.
 ///
-/// **Frozen**: within ten blocks the model has moved by more than five bands and a 25th of its displacement, and two blocks later, in which a
-/// late sensor would have followed, the sensor by less than a fifth of that. It stays so until the sensor moves. After ten blocks the comparison begins anew, so
-/// that creep does not count. Nor does the swing of a model with less damping than its film, which a kick leaves: the model counts up to twice as far as its drive
-/// moves it, in these blocks or behind a lag of twenty. Voltages may be played without a film, so a film that need not follow is only missed once the sensor
-/// has moved by half of what the model does, since the last [`reset`](Self::reset).
+/// **Frozen**: within ten blocks the model has moved by more than five bands and a 25th of its displacement, and two blocks later, in which
+/// a late sensor would have followed, the sensor by less than a fifth of that. This ends when the sensor moves. The comparison restarts
+/// after ten blocks, so that creep does not count. The model's motion counts up to twice what its drive explains, directly or behind a lag
+/// of twenty blocks, so that the swing of a model with too little damping does not count. Where the film need not follow, since voltages
+/// may be played without one, a sensor is frozen only after it has moved by half of what the model does since the last
+/// [`reset`](Self::reset).
 ///
 /// **Softness**: the largest ratio of the film's displacement to its model's in this run, averaged over ten blocks, while the model was
-/// within the upper half of its largest such mean; 1 at least. A sensor that fails slowly makes a film seem stiffer again. A film whose law is not the one
-/// that was fitted is [presumed](Self::presume_softer) to be softer, until the sensor has shown it for ten blocks.
+/// within the upper half of its largest such mean; 1 at least. It does not decrease, since a sensor that fails slowly makes a film seem
+/// stiffer. With another law than the fitted one a film is [presumed](Self::presume_softer) to be softer until the sensor has shown it for
+/// ten blocks.
 ///
-/// **Offset**: where the sensor was beside its model before the run, at 0 V: creep of which the model knows nothing, as after a reset.
+/// **Offset**: the sensor minus its model at 0 V before the run: creep from before a reset, for example.
 ///
 /// ```
 /// use dea_driver::{Limits, Motion};
@@ -86,7 +88,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// A comparison that has seen nothing yet.
+    /// A comparison without values.
     #[must_use]
     pub const fn new(limits: PlausibilityLimits) -> Self {
         Self::in_blocks(limits.stuck_band, limits.stuck_ticks.div_ceil(BLOCKS as u32))
@@ -117,37 +119,37 @@ impl Motion {
         }
     }
 
-    /// Everything that does not change after construction.
+    /// The constants, for a check of the memory.
     #[cfg(feature = "link")]
     pub(crate) fn constants(&self) -> (f32, u32, f32) {
         (self.band_m, self.block_ticks, self.min_softness)
     }
 
-    /// Whether the softness is one that ticks leave: a smaller one would hide the stroke.
+    /// Whether the softness is within its bounds: a smaller one would hide the stroke.
     #[cfg(feature = "link")]
     pub(crate) fn is_sound(&self) -> bool {
         (self.min_softness..=MAX_SOFTNESS).contains(&self.softness)
     }
 
-    /// Starts again as if nothing had been seen, but where the film was at 0 V: its creep stays.
+    /// Starts again, except for the offset: creep stays.
     pub fn reset(&mut self) {
         let new = Self::in_blocks(self.band_m, self.block_ticks).beyond_by(self.min_softness - 1.0);
         *self = new.offset_by(self.offset_m);
     }
 
-    /// The same of a model that may be behind its film by this `share` of its displacement, whatever a sensor shows.
+    /// The same for a model that may be behind its film by this `share` of its displacement.
     #[must_use]
     pub const fn beyond_by(self, share: f32) -> Self {
         Self { softness: 1.0 + share, shown: 1.0 + share, min_softness: 1.0 + share, ..self }
     }
 
-    /// The same of a film that is `offset_m` (m) beside its model, until a plausible sensor shows where it is.
+    /// The same with an offset of `offset_m` (m), until a plausible sensor shows the film.
     #[must_use]
     pub const fn offset_by(self, offset_m: f32) -> Self {
         Self { offset_m, ..self }
     }
 
-    /// The same of the film that `before` has compared with the same model: its offset stays, and its softness until a plausible sensor begins a run.
+    /// The same with the offset of `before`, a comparison with the same model, and its softness until a plausible sensor begins a run.
     #[must_use]
     pub const fn with_film_of(self, before: &Self) -> Self {
         let softness = if before.softness > self.softness { before.softness } else { self.softness };
@@ -160,13 +162,13 @@ impl Motion {
         self.min_softness - 1.0
     }
 
-    /// Whether it is known where the film is at 0 V.
+    /// Whether the offset is known.
     #[must_use]
     pub const fn is_shown(&self) -> bool {
         !self.offset_m.is_nan()
     }
 
-    /// Begins a run, at 0 V. Without a plausible sensor what was known of the film stays.
+    /// Begins a run, at 0 V. Without a plausible sensor the softness stays.
     pub fn begin_run(&mut self) {
         if self.offset_m.is_nan() && !self.is_spoiled {
             self.end_block(0.0, false);
@@ -181,9 +183,9 @@ impl Motion {
         (self.shown, self.unshown) = (self.softness, PRESUMED_BLOCKS);
     }
 
-    /// Presumes, until the sensor has shown in this run how far the film goes, that it goes further than its model by a share of 0.15. For a law that is not
-    /// the one that was fitted: were it of another film, its first voltages would take this one too far before a late sensor shows it. Without a plausible
-    /// sensor nothing changes before there is one.
+    /// Presumes that the film moves 15 % further than its model, until the sensor has shown it in this run. For another law than the fitted
+    /// one, whose first voltages could move another film too far before a late sensor shows it. Takes effect with the first plausible
+    /// value.
     pub fn presume_softer(&mut self) {
         self.presumes = self.is_spoiled;
         if !self.is_spoiled {
@@ -191,15 +193,15 @@ impl Motion {
         }
     }
 
-    /// The same before there is a plausible sensor: for a film that is its own, which the run has to show.
+    /// The same at once: for a film that is its own sensor.
     pub(crate) const fn presume_softer_now(&mut self) {
         if self.unshown > 0 && self.softness < PRESUMED {
             self.softness = PRESUMED;
         }
     }
 
-    /// Records the sensor and the model of a tick, m, and, where a block ends, how far the load moves the model slowly, m. `is_plausible`: whether the
-    /// sensor is. `runs`: whether a law commands the voltage.
+    /// Records sensor and model of a tick, m. `drive_m` returns the slow displacement under the load, m, at the end of a block.
+    /// `is_plausible`: whether the sensor is plausible. `runs`: whether a law commands the voltage.
     #[inline]
     pub fn record(
         &mut self,
@@ -222,14 +224,14 @@ impl Motion {
         }
     }
 
-    /// Whether the sensor is frozen. `must_move`: whether it must move with the model although it never has.
+    /// Whether the sensor is frozen. `must_move`: whether it must move with the model even if it never has.
     #[inline]
     #[must_use]
     pub fn is_frozen(&self, must_move: bool) -> bool {
         self.is_still && (must_move || self.has_moved)
     }
 
-    /// How far the film is (m) when its model is at `model_m` (m).
+    /// The furthest displacement that the film may have (m) with its model at `model_m` (m).
     #[inline]
     #[must_use]
     pub fn furthest(&self, model_m: f32) -> f32 {

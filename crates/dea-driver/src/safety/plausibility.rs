@@ -12,7 +12,7 @@ pub enum SensorFault {
     Range,
     /// A change that the film cannot make: a drop-out, a loose contact.
     Jump,
-    /// The same value for too long, or next to the same while the model moves: frozen.
+    /// The same value for too long, or hardly moving while the model moves: frozen.
     Stuck,
 }
 
@@ -49,7 +49,7 @@ impl Plausibility {
         self.limits
     }
 
-    /// A check that has seen no value yet.
+    /// A check without values.
     #[must_use]
     pub const fn new(limits: PlausibilityLimits) -> Self {
         Self { limits, last: None, same: 0, missing: 0, fault: SensorFault::Range }
@@ -90,7 +90,7 @@ impl Plausibility {
         self.limits.low <= value && value <= self.limits.high
     }
 
-    /// Starts again as if no value had been seen.
+    /// Starts again, without values.
     pub fn reset(&mut self) {
         *self = Self::new(self.limits);
     }

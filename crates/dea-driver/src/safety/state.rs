@@ -47,7 +47,7 @@ pub enum Cause {
     Sensor(SensorFault),
     /// The film moved beyond its limit, by the sensor, or by the estimate without one.
     Displacement,
-    /// No set-point or heartbeat of the host that armed for too long.
+    /// The host that armed has sent no set-point or heartbeat for too long.
     Heartbeat,
     /// A tick did not end in time.
     Overrun,
@@ -66,9 +66,9 @@ pub enum Cause {
     Disturbance,
     /// The monitor shows voltage although the amplifier is disabled: do not touch the film. It replaces any other cause.
     LiveFilm,
-    /// The newest parameters are damaged, or were cut off while they were saved: older ones are in force.
+    /// The newest parameters are damaged, or were cut off while they were saved: older ones are in use.
     Parameters,
-    /// The supply of the controller broke down, and came back.
+    /// The supply of the controller failed and returned.
     BrownOut,
     /// The controller was reset by its pin, by a debugger or by its firmware.
     Reset,
@@ -76,15 +76,14 @@ pub enum Cause {
     Arcs,
     /// The pin of the enable output was not as it was set, high or low.
     Enable,
-    /// A clock of the controller does not run as it should: it runs on another one, or without a watchdog.
+    /// A clock of the controller is wrong: it runs on another one, or without a watchdog.
     Clock,
-    /// The option bytes of the controller leave out a protection.
+    /// The option bytes of the controller lack a protection.
     OptionBytes,
-    /// Parameters, limits or the film's laws in RAM, or the program in the flash, are not what they were: a bit has flipped. Parameters
-    /// that are loaded anew, or a reset, end it.
+    /// Parameters, limits or the film's laws in RAM, or the program in the flash, have changed: a bit has flipped. Loading parameters, or a
+    /// reset, ends it.
     Memory,
-    /// While the law follows a film that changes, the film has moved further from its law than the host allows: it has aged, or the sensor
-    /// has lost gain.
+    /// The law adapts, and the film has changed more than the host allows: it has aged, or the sensor has lost gain.
     Ageing,
     /// The amplifier does not pass the tone that senses the film, or is off.
     NoTone,
@@ -113,7 +112,7 @@ pub enum Refusal {
     /// The displacement sensor is implausible.
     #[error("the displacement sensor is implausible: {0:?}")]
     Sensor(SensorFault),
-    /// The parameters allow so much voltage that a self-test of the bench has to pass first, and none has since the start.
+    /// The parameters ask for a self-test of the bench at this largest voltage, and none has passed since the start.
     #[error("no self-test of the bench has passed since the start, which the parameters ask for at this voltage")]
     SelfTest,
 }

@@ -21,8 +21,8 @@ pub struct Readings {
     pub displacement_m: f32,
     /// The estimate, which the sensor may have corrected, m.
     pub predicted_m: f32,
-    /// The model's displacement under the commanded voltage alone, which no sensor corrects, m. Of a film that has shown to be softer
-    /// than its model, [as much more](crate::Motion).
+    /// The model's displacement under the commanded voltage alone, which no sensor corrects, m. Scaled for a film that is softer than its
+    /// model ([`Motion`](crate::Motion)).
     pub open_loop_m: f32,
     /// Whether the model [moves](crate::Motion) and the displacement sensor does not.
     pub is_frozen: bool,
@@ -42,8 +42,7 @@ pub struct Tick {
 
 /// Checks every tick and limits every command.
 ///
-/// The [`Controller`](crate::Controller) owns one and leaves no way to start it without a mode. On its own it serves a control
-/// loop that is written without the controller:
+/// The [`Controller`](crate::Controller) owns one. Alone it serves a control loop that is written without the controller:
 ///
 /// ```
 /// use dea_driver::{Cause, DriverState, Limits, Readings, Supervisor};
@@ -172,7 +171,7 @@ impl Supervisor {
         })
     }
 
-    /// The same supervisor of an amplifier with this `lag`, ticked `rate_hz` times a second: its monitor expects it, and a disabled film
+    /// The same supervisor for an amplifier with this `lag`, at `rate_hz` ticks a second: its monitor expects the lag, and a disabled film
     /// has the time that `fall_s` takes to 0 V.
     ///
     /// # Errors
@@ -191,19 +190,20 @@ impl Supervisor {
         Ok(Self { monitor, discharge_ticks: self.discharge_ticks.max(falls_ticks), ..self })
     }
 
-    /// The same supervisor, which is not [armed](Self::arm) before a self-test has passed if its limits allow more than `above_v` (V).
+    /// The same supervisor, which refuses to be [armed](Self::arm) before a self-test has passed if its limits allow more than `above_v`
+    /// (V).
     #[must_use]
     pub fn with_self_test_above(self, above_v: f32) -> Self {
         let self_test = if self.max_voltage_v <= above_v { SelfTest::NotNeeded } else { SelfTest::Missing };
         Self { self_test, ..self }
     }
 
-    /// Notes that a self-test of the bench has passed, for all of the time until the next reset.
+    /// Notes that a self-test of the bench has passed, until the next reset.
     pub fn note_self_test(&mut self) {
         self.self_test = SelfTest::NotNeeded;
     }
 
-    /// Goes on with the amplifier that `before` has disabled: how long its film was live, and what is missing at 0 V, which begins anew.
+    /// Takes over how long the film of `before` was live, and its time at 0 V, which restarts.
     #[cfg(feature = "link")]
     pub(crate) fn take_discharge_of(&mut self, before: &Self) {
         self.missing_at_0_v = if before.missing_at_0_v > 0 { self.discharge_ticks } else { 0 };
@@ -213,7 +213,7 @@ impl Supervisor {
         (self.live_ticks, self.discharged) = (u32::try_from(live_ticks).unwrap_or(u32::MAX), before.discharged);
     }
 
-    /// Everything that does not change after construction, for a check of the memory.
+    /// The constants, for a check of the memory.
     #[cfg(feature = "link")]
     pub(crate) fn constants(&self) -> impl Serialize + use<> {
         let limits = [
@@ -229,7 +229,7 @@ impl Supervisor {
         (limits, ticks, self.on_sensor_fault, self.monitor.constants(), self.sensor.limits())
     }
 
-    /// Whether what changes from tick to tick is such as ticks leave it, where another value would hide a fault.
+    /// Whether values that would hide a fault are within their bounds.
     #[cfg(feature = "link")]
     pub(crate) fn is_sound(&self) -> bool {
         self.monitor.is_sound(self.max_voltage_v)
@@ -272,7 +272,7 @@ impl Supervisor {
         self.monitor_v.abs() > self.live_v
     }
 
-    /// Falls of the monitor's reading, such as arcs, since it was armed.
+    /// Number of [falls](Monitor::falls) of the monitor's reading, such as arcs, since it was armed.
     #[must_use]
     pub fn falls(&self) -> u16 {
         self.monitor.falls()
@@ -367,9 +367,9 @@ impl Supervisor {
         if by_field < self.armed_for_v { by_field } else { self.armed_for_v }
     }
 
-    /// The command (V) of this tick when `wanted_v` is asked for: 0 V unless running, towards 0 V for NaN; between 0 V and the
-    /// largest voltage that bench, field and the way of [arming](Self::arm_for_self_test) allow; no faster than the slew, except that the field limit outranks it.
-    /// `thinning` is how many times thinner than at rest the film is.
+    /// The command (V) of this tick for `wanted_v`: 0 V unless running, towards 0 V for NaN; between 0 V and the largest voltage that
+    /// bench, field and the way of [arming](Self::arm_for_self_test) allow; no faster than the slew, except where the field limit requires
+    /// it. `thinning` is the film's thickness at rest over its present one.
     ///
     /// The field limit of a thinned film is computed here on purpose, independently of the control law's own copy of that rule
     /// (`springpot`): an error there must not raise the limit here.

@@ -65,8 +65,8 @@ pub trait Board<M: ControllerMemory = Compressed<f32>> {
         ""
     }
 
-    /// Remembers over a reset whether the parameters in force were only tried: they are gone then, and what the flash keeps may allow
-    /// more. A board without memory that survives a reset leaves both out.
+    /// Remembers over a reset whether the parameters in use were only tried: the reset loses them, and the stored ones may allow more.
+    /// Leave this and [`remembers_trial`](Self::remembers_trial) out on a board without memory that survives a reset.
     fn remember_trial(&mut self, on_trial: bool) {
         let _ = on_trial;
     }
@@ -76,19 +76,18 @@ pub trait Board<M: ControllerMemory = Compressed<f32>> {
         false
     }
 
-    /// Feeds the watchdog no more, so that it resets the chip: shows that there is one. The amplifier is disabled. False where there is
-    /// no watchdog to be tried.
+    /// Stops feeding the watchdog, so that it resets the chip. The amplifier is disabled. Returns false without a watchdog.
     fn stop_feeding_watchdog(&mut self) -> bool {
         false
     }
 
-    /// Whether what was checked of the program's [image](crate::server::Image) in this call is as it was at the start: asked in every turn of the
-    /// background.
+    /// Checks a part of the program's [image](crate::server::Image), and returns false if it has changed since the start. Called in every
+    /// turn of the background.
     fn image_is_intact(&mut self) -> bool {
         true
     }
 
-    /// Causes a fault on purpose, in an image with a virtual bench; false in any other, and for one that it cannot cause.
+    /// Injects a fault, in an image with a virtual bench; false in any other, and for a fault that it cannot inject.
     fn inject_fault(&mut self, fault: InjectedFault) -> bool {
         let _ = fault;
         false

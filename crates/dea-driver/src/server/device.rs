@@ -1,4 +1,4 @@
-//! A controller once there are parameters, with what outlives it.
+//! A controller once there are parameters, and the data that outlive it.
 
 use heapless::{Deque, String, Vec};
 use springpot::Compressed;
@@ -18,8 +18,8 @@ const BACKGROUND_S: f32 = 0.5;
 /// Ticks per second until there are parameters.
 const RATE_HZ: f32 = 1000.0;
 
-/// A controller, once there are parameters for one, with what outlives it: the cause that ended the last run, and the stream
-/// of records to the host.
+/// A controller, once there are parameters, and the data that outlive it: the cause that ended the last run, and the stream of records to
+/// the host.
 ///
 /// Shared by the tick, which must not wait, and the [`Session`](crate::server::Session) with the host.
 ///
@@ -149,7 +149,7 @@ impl<M: ControllerMemory> Device<M> {
         }
     }
 
-    /// Ticks with `controller` from now on. A trip stays until it is acknowledged, and the film is where the old controller has left it.
+    /// Ticks with `controller` from now on. A trip stays until it is acknowledged, and the state of the film is that of the old controller.
     ///
     /// # Errors
     ///
@@ -188,8 +188,8 @@ impl<M: ControllerMemory> Device<M> {
         }
     }
 
-    /// Trips and latches, in every state, without parameters as well: a fault of the board itself, for as long as it lasts. After the outputs of
-    /// a tick it acts with the next one.
+    /// Trips and latches a fault of the board itself, in every state, also without parameters. To be called for as long as the fault lasts;
+    /// after the outputs of a tick it acts in the next one.
     pub fn latch(&mut self, cause: Cause) {
         match &mut self.controller {
             Some(controller) => controller.trip(cause),
@@ -202,7 +202,7 @@ impl<M: ControllerMemory> Device<M> {
         self.ticks_alone = 0;
     }
 
-    /// Checks a part of the memory that does not change: [`Cause::Memory`] is latched where it has. To be called in every turn of the
+    /// Checks a part of the constants in memory, and latches [`Cause::Memory`] if it has changed. To be called in every turn of the
     /// background, as [`Session::turn`](crate::server::Session::turn) does.
     pub fn check_memory(&mut self) {
         self.checked = self.checked.wrapping_add(1);
@@ -211,8 +211,8 @@ impl<M: ControllerMemory> Device<M> {
         }
     }
 
-    /// Whether the background has been alive within half a second. A tick whose background hangs must not go on feeding the
-    /// watchdog: a host that wants to stop would get no response.
+    /// Whether the background has been alive within half a second. Otherwise the tick must not feed the watchdog: a host could not stop the
+    /// board.
     #[must_use]
     pub fn background_is_alive(&self) -> bool {
         #[allow(clippy::cast_precision_loss)] // compared, not counted
@@ -250,8 +250,8 @@ impl<M: ControllerMemory> Device<M> {
         Drive { enable: outputs.enable, dac_v: outputs.dac_v, range: controller.parameters().command_range }
     }
 
-    /// Stores the state of the board's parts, for a host that asks: after every tick, as they were when its inputs were sampled. An enable
-    /// output that is not as the tick before has set it trips, and stays latched, in every state.
+    /// Stores the state of the board's parts for [`Command::Inspect`](crate::wire::Command::Inspect): to be called after every tick, with
+    /// the state when its inputs were sampled. An enable output that differs from the one set by the tick before trips, in every state.
     pub fn report(&mut self, inspection: Inspection) {
         self.inspection = Some(inspection);
         if inspection.enable_high != self.enabled_before {
@@ -275,7 +275,7 @@ impl<M: ControllerMemory> Device<M> {
         Ok(())
     }
 
-    /// Everything that [`arm`](Self::arm) would be refused for now, and the time since a self-test has passed, s.
+    /// All reasons for which [`arm`](Self::arm) would be refused now, and the time since a self-test has passed, s.
     pub fn preflight(&self) -> Result<(Vec<Refusal, REFUSALS>, Option<u32>), Denial> {
         let controller = self.controller.as_ref().ok_or(Denial::Rejected(Reject::NoParameters))?;
         #[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -283,7 +283,7 @@ impl<M: ControllerMemory> Device<M> {
         Ok((controller.supervisor().refusals().collect(), self_test_s))
     }
 
-    /// The last tick for a flight recorder, after whatever tripped in it: none where the amplifier was disabled before and after it.
+    /// The record of the last tick for a flight recorder, with a trip in it; `None` if the amplifier was disabled before and after it.
     #[must_use]
     pub fn flight_record(&self) -> Option<FlightRecord> {
         let telemetry = self.last.as_ref().filter(|_| self.enabled || self.enabled_before)?;
@@ -327,7 +327,7 @@ impl<M: ControllerMemory> Device<M> {
         self.stream = Stream { every, ..Stream::new() };
     }
 
-    /// Older parameters are in force than were saved last. Trips what is disarmed; another cause is acknowledged first.
+    /// Older parameters are in use than were saved last. Trips if disarmed; another cause is acknowledged first.
     pub(crate) fn lose_parameters(&mut self) {
         self.parameters_lost = true;
         if let Some(controller) = &mut self.controller {
@@ -370,8 +370,8 @@ impl<M: ControllerMemory> Device<M> {
         }
     }
 
-    /// [`Controller::acknowledge`]; without parameters, clears the cause that ended the last run. That older parameters are in force
-    /// than were saved last has to be acknowledged by itself.
+    /// [`Controller::acknowledge`]; without parameters, clears the cause that ended the last run. [`Cause::Parameters`] must be
+    /// acknowledged by itself.
     pub fn acknowledge(&mut self) -> Result<(), Denial> {
         let acknowledged = self.state();
         match &mut self.controller {
@@ -403,7 +403,7 @@ impl<M: ControllerMemory> Device<M> {
     ///
     /// # Errors
     ///
-    /// [`Reject::NoParameters`], and [`Reject::Value`] where the parameters ask for no learning.
+    /// [`Reject::NoParameters`], and [`Reject::Value`] for parameters without learning.
     pub fn order_learning(&mut self, order: LearningOrder) -> Result<(), Denial> {
         let controller = self.installed()?;
         if controller.parameters().control.harmonics == 0 {
@@ -417,8 +417,8 @@ impl<M: ControllerMemory> Device<M> {
     ///
     /// # Errors
     ///
-    /// [`Reject::NoParameters`]; [`Reject::Value`] for a level that is not above 0, where the parameters ask for no adaptation, and for a temperature beyond
-    /// what a law follows.
+    /// [`Reject::NoParameters`]; [`Reject::Value`] for a level that is not above 0, for parameters without adaptation, and for a
+    /// temperature out of range.
     pub fn order_adaptation(&mut self, order: AdaptationOrder) -> Result<(), Denial> {
         let controller = self.installed()?;
         if let AdaptationOrder::Learn { trip_at } = order
@@ -429,7 +429,7 @@ impl<M: ControllerMemory> Device<M> {
         controller.order_adaptation(order).map_err(|_| Denial::Rejected(Reject::Value))
     }
 
-    /// The parameters in force, with what was learned of the film.
+    /// The parameters in use, with the learned changes of the film.
     ///
     /// # Errors
     ///

@@ -8,7 +8,8 @@ pub type FlightSlot = [u32; 10];
 /// Records per second at the most.
 const RATE_HZ: f32 = 1000.0;
 
-/// Keeps the last ticks of runs, the last one of each included, in memory `S` that outlives a reset: to be given the same slots after it.
+/// Keeps the last ticks of runs, including the last one of each, in memory `S` that survives a reset; construct it on the same slots after
+/// the reset.
 ///
 /// ```
 /// use dea_driver::server::FlightRecorder;
@@ -41,7 +42,7 @@ pub struct FlightRecorder<S> {
 }
 
 impl<S: AsRef<[FlightSlot]> + AsMut<[FlightSlot]>> FlightRecorder<S> {
-    /// Goes on behind the records in `slots`; those that are damaged or were never written are ignored.
+    /// Continues after the records in `slots`; damaged and empty slots are ignored.
     #[must_use]
     pub fn new(slots: S) -> Self {
         let newest = slots.as_ref().iter().filter(|slot| holds(slot)).map(|slot| slot[0]).max().unwrap_or(0);
@@ -60,7 +61,7 @@ impl<S: AsRef<[FlightSlot]> + AsMut<[FlightSlot]>> FlightRecorder<S> {
         let slots = self.slots.as_mut();
         let Some(slot) = slot_of(number, slots.len()).and_then(|index| slots.get_mut(index)) else { return };
         let mut state = [0; 4];
-        // Every state fits: the test of random records holds that.
+        // Every state fits, which the test of random records checks.
         let _ = postcard::to_slice(&record.state, &mut state);
         *slot = [
             number,

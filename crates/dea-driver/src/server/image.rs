@@ -1,9 +1,9 @@
-//! The program in its flash, against what it was at the start.
+//! The program in its flash, compared with itself at the start.
 
 /// Words of a step.
 const STEP: usize = 256;
 
-/// The sum of a program's image at the start, and how far a check of it has come.
+/// The sum of a program's image at the start, and the progress of a check.
 ///
 /// ```
 /// use dea_driver::server::Image;

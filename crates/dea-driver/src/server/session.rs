@@ -61,17 +61,17 @@ pub struct Session {
 }
 
 impl Session {
-    /// Bytes that a [`turn`](Self::turn) serves at most: those of the shortest frames are answered within 20 ms of the line.
+    /// Largest number of bytes that a [`turn`](Self::turn) serves: the answers to the shortest frames in them take 20 ms of the line.
     pub const TURN: usize = 128;
 
-    /// A session that has received nothing, of a `firmware` of that version.
+    /// A session that has received nothing, of this `firmware` version.
     #[must_use]
     pub const fn new(firmware: &'static str) -> Self {
         Self { firmware, receiver: Receiver::new(), upload: Upload::new(), token: 0, newest: 0, on_trial: false }
     }
 
-    /// Ticks with the stored parameters, if there are any: to be called once after a reset. If they are not those that ran before it,
-    /// the host that uploaded those must know: [`Cause::Parameters`](crate::Cause) is latched.
+    /// Ticks with the stored parameters, if there are any: to be called once after a reset. If other parameters were on trial before it,
+    /// [`Cause::Parameters`](crate::Cause) is latched.
     ///
     /// # Errors
     ///
@@ -84,9 +84,9 @@ impl Session {
         Ok(())
     }
 
-    /// One turn of the background's loop: reports to the tick that it is alive, checks a part of the memory, serves no more than [`TURN`](Self::TURN) of the `bytes` that wait, and
-    /// passes the answers to `send`. Returns whether there were any bytes. However many come, a turn ends, so that a flood delays the
-    /// host that armed and telemetry, but no tick finds the background dead for it.
+    /// One turn of the background's loop: reports that the background is alive, checks a part of the memory, serves at most
+    /// [`TURN`](Self::TURN) of the waiting `bytes`, and passes the answers to `send`. Returns whether there were any bytes. A turn is short
+    /// however many bytes wait, so a flood delays requests and telemetry, but does not stop the background.
     pub fn turn<M: ControllerMemory, B: Board<M>>(
         &mut self,
         bytes: impl Iterator<Item = u8>,
@@ -406,7 +406,7 @@ fn another_token(last: u16, noise: u32) -> u16 {
 pub enum StartError {
     /// None are stored that can be read.
     Store(StoreError),
-    /// The stored ones cannot run on this board.
+    /// The stored parameters cannot run on this board.
     Rejected(Reject),
     /// The amplifier is enabled.
     Refused(Refusal),

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct Inspection {
     /// Whether the interlock is closed.
     pub interlock_closed: bool,
-    /// Whether the pin of the enable output is high, as the pin shows it: a line that is held up or down is seen.
+    /// Whether the pin of the enable output reads high, whatever drives it.
     pub enable_high: bool,
     /// The DAC of the amplifier's command.
     pub dac: Part,
@@ -40,7 +40,7 @@ impl Inspection {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Part {
-    /// As it should: what was read back is what it was sent.
+    /// Correctly: it reads back as it was sent.
     Answers,
     /// The transfer failed.
     Bus,

@@ -90,7 +90,7 @@ pub enum Command {
     },
     /// Answered by [`Answer::PanicMessage`].
     PanicMessage,
-    /// Cause a fault on purpose. Only an image with a virtual bench does; others reject it.
+    /// Inject a fault. Only an image with a virtual bench does; others reject it.
     InjectFault(InjectedFault),
     /// Tick the control on the film of the loop test, without hardware. Only while the amplifier is disabled.
     /// Answered by [`Answer::Followed`]; rejected as unknown by an image without the feature `loop-test`.
@@ -104,8 +104,8 @@ pub enum Command {
     Reload,
     /// Asks for the state of the board's parts. Answered by [`Answer::Inspection`]; rejected as unknown by a board without that.
     Inspect,
-    /// Feed the watchdog no more, so that it resets the chip. Only while the amplifier is disabled; rejected as unknown by a board that
-    /// does not.
+    /// Stop feeding the watchdog, so that it resets the chip. Only while the amplifier is disabled; rejected as unknown by a board that
+    /// cannot.
     StopFeedingWatchdog,
     /// Tick the whole controller of the loop test, armed and running, on these codes, without hardware. Only while the amplifier is
     /// disabled. Answered by [`Answer::Ticked`]; rejected as unknown by an image without the feature `loop-test`.
@@ -123,19 +123,19 @@ pub enum Command {
         /// 0 for the newest.
         back: u16,
     },
-    /// Asks for all that keeps the amplifier from being enabled. Answered by [`Answer::Preflight`].
+    /// Asks for all reasons for which `Arm` would be refused. Answered by [`Answer::Preflight`].
     Preflight,
     /// Report that a host's self-test of the bench has passed. Only while the amplifier is disabled.
     SelfTested,
     /// Enable the amplifier at 0 V for a self-test, with 500 V at the most. Answered by [`Answer::Armed`].
     ArmForSelfTest,
-    /// An order for the law of a film that changes. While the amplifier is enabled, only from the host that armed.
+    /// An order for the adaptation of the law. While the amplifier is enabled, only from the host that armed.
     Adapt(AdaptationOrder),
-    /// Asks how far the film has moved from its law. Answered by [`Answer::Adaptation`].
+    /// Asks for the learned changes of the film. Answered by [`Answer::Adaptation`].
     Adaptation,
 }
 
-/// Faults that an image with a virtual bench causes on purpose.
+/// Faults that an image with a virtual bench injects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum InjectedFault {
@@ -185,7 +185,7 @@ pub enum Answer {
     Identity(Identity),
     /// The state of a board.
     Status(Status),
-    /// Which parameters are in force.
+    /// The parameters in use.
     Parameters {
         /// Name of the set.
         name: String<32>,
@@ -210,7 +210,7 @@ pub enum Answer {
     },
     /// The amplifier is enabled, for the host that sends this token with its requests.
     Armed {
-        /// Another one every time; never 0.
+        /// Different every time; never 0.
         token: u16,
     },
     /// State of the board's parts.
@@ -236,7 +236,7 @@ pub enum Answer {
         /// Time since a self-test has passed, s; none since the start.
         self_test_s: Option<u32>,
     },
-    /// How far the film has moved from its law.
+    /// The learned changes of the film.
     Adaptation(AdaptationStatus),
 }
 
@@ -265,7 +265,7 @@ pub enum Reject {
     Token,
     /// The blob allows more than the ceilings of this board; the old parameters stay.
     Ceiling,
-    /// The blob has self-sensing, and this board no monitor of the current; the old parameters stay.
+    /// The blob has self-sensing, and this board has no monitor of the current; the old parameters stay.
     Current,
 }
 
@@ -315,7 +315,7 @@ pub struct Status {
     pub unknown_frames: u32,
     /// Largest depth of the stack so far, bytes.
     pub stack_peak: u32,
-    /// Bytes that came faster than they could be served, and were lost with their frames: the line is flooded.
+    /// Bytes that arrived faster than they could be served, and were lost with their frames: the line is flooded.
     pub lost_bytes: u32,
     /// Falls of the monitor's reading since it was armed last, such as arcs.
     pub falls: u16,

@@ -1,5 +1,5 @@
-//! The driver on models of its converters that know nothing of it: the ADS868x from its data sheet, the AD5754 from other drivers and
-//! from memory. In virtual time, wired as docs/wiring.md has it.
+//! The driver on models of its converters that know nothing of it: the ADS868x from its data sheet, the AD5754 from other drivers and from
+//! memory. In virtual time, wired as in docs/boards.md.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;

@@ -1,4 +1,4 @@
-//! A law that follows its film: how, and how far the film has moved.
+//! Adaptation of a law to a film that changes: how, and the changes.
 
 use crate::error::ControlError;
 use crate::scalar::Real;
@@ -10,35 +10,36 @@ pub(crate) const BOUNDS: [f64; 5] = [1.386, 0.7, 1.1, 0.25, 1.0];
 /// Single precision may be beyond a bound by its rounding: by this factor.
 pub(crate) const ROUNDED: f64 = 1.0 + 1e-5;
 
-/// How [`Tracking`](crate::Tracking) follows a film that is no longer the one its law was fitted to: warmer, older, under another weight.
+/// How [`Tracking`](crate::Tracking) adapts to a film that has changed since its law was fitted: warmer, older, under another weight.
 ///
-/// With [`Learn`](Self::Learn), while a sensor shows the film, the law follows it, and without the sensor feedforward goes on with the law as it is then. In
+/// With [`Learn`](Self::Learn) the law adapts while a sensor shows the film; without the sensor feedforward continues with the adapted law.
+/// In
 ///
 /// ```text
-/// κ F + d = m ẍ + E(x) + σ T'(x) M[T(x)],      M: what relaxes of the memory, E: what does not
+/// κ F + d = m ẍ + E(x) + σ T'(x) M[T(x)],      M: the relaxing part of the memory, E: the elastic part
 /// ```
 ///
-/// these are estimated, in terms of forces that the states of the law already have:
+/// these parameters are estimated, from forces that the state of the law contains:
 ///
 /// | parameter | meaning | bounds |
 /// | --- | --- | --- |
 /// | κ | [force scale](crate::ObserverState::force_scale): below 1 for a stiffer film | 0.25 to 4 |
-/// | σ | stiffness of what relaxes, where at least a tenth does not: a film under another weight, or of another stiffness, has another share | 0.5 to 2 |
+/// | σ | stiffness of the relaxing part, where at least a tenth of the stiffness does not relax: another weight, or another stiffness | 0.5 to 2 |
 /// | φ | factor of all relaxation rates: temperature | 1/3 to 3 |
 /// | η | a rate r becomes r^(1 + η) (1/s): the orders of springpots become α / (1 + η) | ±0.25 |
-/// | d | a constant force, which is what stays of the disturbance without a sensor | |
+/// | d | a constant force, which remains of the disturbance without a sensor | |
 ///
 /// # How
 ///
-/// Modes of a [`Compressed`](crate::Compressed) memory are springs with dashpots. With changed rates the dashpots flow more, or less, in addition; the
-/// springs keep their stiffness, and every rate stays positive. Modes faster than 2/s stay as fitted. For each mode a derivative of its extension
-/// y by the logarithm of its rate r is carried along, dy'/dt = −r (y + y'). It is the regressor of φ and η, and when they change it moves the
-/// extensions to where they would be if the rates had always been so. Once in some thirty ticks recursive least squares, in Bierman's factors of the covariance,
-/// compare the regressors with the observer's disturbance. What is learned comes into use with a time constant of a second, without a step
-/// of the force.
+/// Modes of a [`Compressed`](crate::Compressed) memory are springs with dashpots. With changed rates the dashpots flow more, or less, in
+/// addition; the springs keep their stiffness, and every rate stays positive. Modes faster than 2/s stay as fitted. For each mode a
+/// derivative of its extension y by the logarithm of its rate r is carried along, dy'/dt = −r (y + y'). It is the regressor of φ and η, and
+/// when they change it moves the extensions to where they would be if the rates had always been so. Once in some thirty ticks recursive
+/// least squares, in Bierman's factors of the covariance, compare the regressors with the observer's disturbance. Learned values come into
+/// use with a time constant of a second, without a step of the force.
 ///
-/// Nothing is learned while the sensor is lost, while limits are met, and while the observer leaves the reference to learned cycles or to feedforward, because it is fast. A
-/// difference of many times what is expected counts little. What was learned counts less with time only while the load moves.
+/// Nothing is learned while the sensor is lost, while limits are met, and while a fast reference is left to learned cycles or to
+/// feedforward. Outliers have little weight. Learned values lose weight only while the load moves.
 ///
 /// **A sensor that reads with another gain shows a film of another stiffness**: nothing distinguishes them, and the adapted law is as wrong as the
 /// sensor.
@@ -75,45 +76,46 @@ pub(crate) const ROUNDED: f64 = 1.0 + 1e-5;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Adapting {
-    /// The law is as it was fitted, but for the observer's [force scale](crate::ObserverState::force_scale). What was learned goes out of use within some seconds.
+    /// The law as it was fitted, apart from the observer's [force scale](crate::ObserverState::force_scale). Learned changes go out of use
+    /// within some seconds.
     Off,
-    /// Nothing is learned, and what was learned stays in use.
+    /// Learned changes stay in use, and nothing is learned.
     Hold,
-    /// The law follows its film. What was learned counts less after two to four times
-    /// [`adaptation_s`](crate::ObserverOptions::adaptation_s); nothing is learned where that is 0.
+    /// The law adapts. Learned changes lose weight after two to four times [`adaptation_s`](crate::ObserverOptions::adaptation_s); nothing
+    /// is learned where that is 0.
     Learn,
 }
 
-/// How a film differs from its law, as far as it is in use.
+/// The changes of a film against its law that are in use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Adapted<T> {
     /// Effect of the electrostatic force over the model's, κ: below 1 for a film that has become stiffer.
     pub force_scale: T,
-    /// Standard deviation of the force scale, over it, from how well the estimates explain the forces that were found.
+    /// Relative standard deviation of the force scale, from how well the estimates explain the observed forces.
     pub uncertainty: T,
-    /// Logarithm of what relaxes over what the law has, ln σ.
+    /// ln σ: logarithm of the stiffness of the relaxing part over that of the law.
     pub memory: T,
-    /// Logarithm of the factor of the relaxation rates, ln φ.
+    /// ln φ: logarithm of the factor of the relaxation rates.
     pub rate: T,
     /// η: orders of springpots are those of the law over 1 + η.
     pub stretch: T,
     /// The constant force d that is kept without a sensor, N.
     pub bias_n: T,
-    /// How far the film has moved from its law: 1 for a tenth of force scale, a quarter of memory, half of a rate, or a twentieth of an order,
-    /// whichever is largest in these units; less where it may be chance, 0 below three standard deviations. Fit again from 1 on.
+    /// Size of the changes: 1 for a tenth in the force scale, a quarter in the memory, a half in the rates, or a twentieth in the orders,
+    /// the largest of these; 0 below three standard deviations. Fit again from 1 on.
     pub ageing: T,
 }
 
 impl<T: Real> Adapted<T> {
-    /// Whether the film has moved so far from its law that it should be fitted again: [`ageing`](Self::ageing) of 1 and more.
+    /// Whether the film should be fitted again: [`ageing`](Self::ageing) of 1 and more.
     #[must_use]
     pub fn needs_fit(&self) -> bool {
         self.ageing >= T::from_f64(1.0)
     }
 
-    /// Checks that the law of a film with a force of up to `largest_n` (N) can have learned it: numbers within the bounds of [`Adapting`].
+    /// Checks that the values are within the bounds of [`Adapting`], for a film with a force of up to `largest_n` (N).
     ///
     /// # Errors
     ///

@@ -6,7 +6,7 @@ use crate::scalar::Real;
 /// How an amplifier follows its command. Times in s; 0: without lag.
 ///
 /// The voltage V on the film follows the command u with a first-order lag. It rises with the time constant `rise_s`. It falls with the
-/// smaller of both, but no faster than a bleeder lets it:
+/// smaller of both, but no faster than through a bleeder:
 ///
 /// ```text
 /// V̇ = (u − V) / rise_s                                          u > V
@@ -44,9 +44,9 @@ use crate::scalar::Real;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct AmplifierLag {
-    /// Time constant with which the voltage rises.
+    /// Time constant with which the voltage rises, s.
     pub rise_s: f64,
-    /// Time constant with which it falls to 0 V at a command of 0 V.
+    /// Time constant with which it falls to 0 V at a command of 0 V, s.
     pub fall_s: f64,
 }
 
@@ -109,7 +109,7 @@ impl<T: Real> AmplifierModel<T> {
         Ok(Self { up: T::from_f64(up), down: T::from_f64(down), left: T::from_f64(left(lag.fall_s)) })
     }
 
-    /// As [`new`](Self::new), `None` for an amplifier without lag: it costs nothing.
+    /// As [`new`](Self::new), or `None` for an amplifier without lag, which needs no model.
     ///
     /// # Errors
     ///

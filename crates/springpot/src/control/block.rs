@@ -117,7 +117,7 @@ pub(crate) struct Progress<T> {
 }
 
 impl<T: Real> Progress<T> {
-    /// Visits what a block is judged with.
+    /// Visits the constants that judge a block.
     pub(super) fn numbers(take: &mut impl Numbers<T>) {
         take.array("growth", GROWTH.map(T::from_f64), "");
         take.number("noise_parts", T::from_f64(NOISE_PARTS), "");

@@ -34,7 +34,7 @@ use crate::scalar::Real;
 pub struct CapacitanceRelation {
     /// Capacitance at x = 0 after a long rest, F; with the cable.
     pub rest_f: f64,
-    /// Largest capacitance of the calibration, F. Up to a quarter of the range beyond it the polynomial goes on; there it ends.
+    /// Largest capacitance of the calibration, F. The polynomial is used up to a quarter of the range beyond it.
     pub max_f: f64,
     /// a₁, a₂ and a₃, m.
     pub stroke_m: [f64; 3],
@@ -55,9 +55,9 @@ const TOLERANCE: f64 = 1e-2;
 const PLACES: u8 = 64;
 
 impl CapacitanceRelation {
-    /// The relation of a film of `length_m` (m) at x = 0 whose capacitance grows with its stretch to the power `exponent`, up to `max_f` (F):
-    /// 2 for electrodes of constant width, 4 for a film that is stretched alike in both directions, 1 for one that is free to become narrower. It does not
-    /// creep; its uncertainty is a hundredth of the stroke at `max_f`.
+    /// The relation of a film of `length_m` (m) at x = 0 whose capacitance grows with its stretch to the power `exponent`, up to `max_f`
+    /// (F): 2 for electrodes of constant width, 4 for a film that is stretched equally in both directions, 1 for one that is free to become
+    /// narrower. It does not creep; its uncertainty is a hundredth of the stroke at `max_f`.
     #[must_use]
     pub fn of_geometry(rest_f: f64, length_m: f64, exponent: f64, max_f: f64) -> Self {
         // (1 + q)^p to third order.
@@ -173,7 +173,7 @@ impl<T: Real> Relation<T> {
         self.law.coefficients()
     }
 
-    /// Visits what a step computes with.
+    /// Visits the constants of a step.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
         take.number("rest", self.rest, "capacitance, F");
         take.number("per_rest", self.per_rest, "1/F");

@@ -53,7 +53,7 @@ impl<T: Real> CycleFinder<T> {
         Self { min_swing: T::from_f64(min_swing_m), decay: T::from_f64(step_s / (step_s + DECAY_S)) }
     }
 
-    /// Visits what a period is found with.
+    /// Visits the constants of the search for a period.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
         take.number("min_swing", self.min_swing, "of a reference that counts, m");
         take.number("swing_decay", self.decay, "share of a swing that is lost in a tick");

@@ -74,7 +74,7 @@ impl<T: Real> Fade<T> {
         }
     }
 
-    /// Visits what the share is computed with.
+    /// Visits the constants of the share.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
         let [intercept, slope] = line::<T>();
         take.structure(

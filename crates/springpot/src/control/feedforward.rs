@@ -11,12 +11,12 @@ use crate::scalar::{Real, Scalar};
 ///
 /// In every tick, in this order:
 ///
-/// 1. [`apply`](Self::apply) the voltage that was really applied since the last tick, 0 V before the first. The film's
-///    state then is what the model makes of that voltage.
-/// 2. [`command`](Self::command) with where the film is to be at the end of this tick.
+/// 1. [`apply`](Self::apply) the voltage that was really applied since the last tick, 0 V before the first: the model's film responds to
+///    it.
+/// 2. [`command`](Self::command) with the reference for the end of this tick.
 ///
-/// Apply comes first because only then is it known what became of the last command: a limit, here or in a supervisor behind,
-/// may have changed it. Each command starts from where the film really is, so nothing winds up.
+/// `apply` comes first because a limit, here or in a supervisor behind, may have changed the last command. Each command starts from the
+/// model's actual displacement, so nothing winds up.
 ///
 /// The [crate page](crate#feedforward) has a program.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,7 +47,7 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
         Ok(Self { law, drive, inverse })
     }
 
-    /// A state that begins with `film`, at 0 V; the reference begins where the film is.
+    /// A state at 0 V with this `film`, a state of the same law; the reference begins at its displacement.
     #[must_use]
     pub fn state(&self, film: LawState<T, M>) -> FeedforwardState<T, M> {
         let inverse = InverseState::at(film.position());
@@ -89,7 +89,7 @@ impl<T: Real, M: Memory<T>> FeedforwardState<T, M> {
         self.film.position()
     }
 
-    /// The voltage on the film, V: what the amplifier has made of the commands.
+    /// Estimated voltage on the film, V: behind the amplifier's gain and lag.
     #[must_use]
     pub fn film_voltage(&self) -> T {
         self.inverse.film_voltage()

@@ -1,4 +1,4 @@
-//! The whole law of control: a reference is followed, with or without a sensor, and its cycles are learned.
+//! The composed control law: follows a reference, with or without a sensor, and learns its cycles.
 
 use crate::control::adapted::{Adapted, Adapting};
 use crate::control::feedforward::{Feedforward, FeedforwardState};
@@ -121,7 +121,8 @@ impl<T: Real, M: Memory<T>, const PAST: usize> sealed::Compensates<T> for Tracki
 /// 1. [`observe`](Self::observe) takes the voltage that was applied since the last tick and the sample that has arrived, if one has. It
 ///    returns the estimated displacement.
 /// 2. [`command`](Self::command) takes the reference for the end of this tick and returns the voltage. In a tick whose voltage something
-///    else sets, [`standby`](Self::standby) takes its place: the reference stays with the film, so that following begins without a jump.
+///    else sets, call [`standby`](Self::standby) instead: the reference stays at the film's displacement, so that following begins without
+///    a jump.
 ///
 /// # Exactly
 ///
@@ -146,7 +147,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> sealed::Compensates<T> for Tracki
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// let law: Law<f32> = Law::compressed(&Preset::TABLE3_N2.model()?, LawOptions::at_step(1e-3))?;
 /// let (actuator, limits) = (Actuator::KARNER_2022, CommandLimits::BENCH);
-/// // The real film, which goes 5 % further than its law says.
+/// // The real film, which moves 5 % further than its law.
 /// let (plant, mut film) = (law.clone(), law.state());
 /// let drive = VoltageDrive::new(&actuator, limits.max_voltage_v, law.stiffness())?;
 ///
@@ -197,7 +198,7 @@ struct Cycles<T, const PAST: usize> {
 }
 
 impl<T: Real, C: Compensator<T>> Follower<T, C> {
-    /// A follower that learns nothing of cycles.
+    /// A follower without learning of cycles.
     pub fn new(compensator: C) -> Self {
         Self { compensator, learning: None }
     }
@@ -210,7 +211,7 @@ impl<T: Real, C: Compensator<T>, const PAST: usize> Follower<T, C, PAST> {
         Follower { compensator: self.compensator, learning: Some(learning) }
     }
 
-    /// A state that begins with `film`, at 0 V; the reference begins where the film is.
+    /// A state at 0 V with this `film`, a state of the same law; the reference begins at its displacement.
     #[must_use]
     pub fn state(&self, film: C::Film) -> FollowerState<T, C, PAST> {
         let compensator = self.compensator.state(film);
@@ -273,8 +274,8 @@ impl<T: Real, C: Compensator<T>, const PAST: usize> Follower<T, C, PAST> {
         command
     }
 
-    /// Second phase of a tick whose voltage something else sets: ends the run, and takes the reference to where the film is, with all of
-    /// the sensor's correction in use. Returns the command that would hold the film there.
+    /// Second phase of a tick whose voltage something else sets: ends the run, and moves the reference to the film's displacement, with all
+    /// of the sensor's correction in use. Returns the command that would hold the film there.
     // Not inlined: a tick that follows would pay for it.
     #[inline(never)]
     pub fn standby(&self, state: &mut FollowerState<T, C, PAST>) -> VoltageCommand<T> {
@@ -337,13 +338,13 @@ impl<T: Real, C: Compensator<T>, const PAST: usize> FollowerState<T, C, PAST> {
         }
     }
 
-    /// Switches correction by samples on (the default) or off: then feedforward goes on from what the sensor has shown so far. Learning
-    /// takes samples either way.
+    /// Switches correction by samples on (the default) or off: feedforward then continues with the present correction. Learning uses
+    /// samples either way.
     pub fn set_feedback(&mut self, is_on: bool) {
         self.has_feedback = is_on;
     }
 
-    /// Resets what the observer has learned from the sensor, disturbance and force scale: the model as it was fitted.
+    /// Resets what the observer has learned from the sensor, disturbance and force scale: back to the model as it was fitted.
     pub fn forget_correction(&mut self) {
         C::forget(&mut self.compensator);
     }

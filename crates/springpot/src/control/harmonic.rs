@@ -72,7 +72,7 @@ pub(crate) struct Harmonic<T> {
 }
 
 impl<T: Real> Harmonic<T> {
-    /// Visits what a harmonic is learned with.
+    /// Visits the constants of learning a harmonic.
     pub(crate) fn numbers(take: &mut impl Numbers<T>) {
         take.number("initial_step_size", T::from_f64(INITIAL_STEP_SIZE), "");
         take.number("probing_step_size", T::from_f64(PROBING_STEP_SIZE), "");

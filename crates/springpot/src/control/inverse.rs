@@ -25,7 +25,7 @@ pub struct VoltageCommand<T> {
 /// The voltage since the last tick, V, either sign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Applied<T> {
-    /// The voltage that was commanded in the end, after all limits and supervisors. A non-finite one counts as the last finite one.
+    /// The commanded voltage after all limits and supervisors. A non-finite one counts as the last finite one.
     pub commanded_v: T,
     /// The voltage that a monitor measured at the end of that time, or a tick before, if there is one. It shows the amplifier's gain and, of
     /// an [`AmplifierLag`](crate::AmplifierLag), how much faster it is. Non-finite readings are ignored.
@@ -96,7 +96,7 @@ impl<T: Real> InverseState<T> {
 /// The known difference between model and film.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Correction<T> {
-    /// A force on the film that the model does not know, N.
+    /// A force on the film that the model does not explain, N.
     pub(crate) disturbance: T,
     /// Effect of the electrostatic force on the film over its effect on the model.
     pub(crate) force_scale: T,
@@ -189,7 +189,7 @@ impl<T: Real> Inverse<T> {
         Ok(inverse)
     }
 
-    /// Visits what a command is computed with.
+    /// Visits the constants of a command.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
         take.structure("inverse", "Shaping of references, and the limits of a command.");
         self.shaper.numbers(take);
@@ -212,7 +212,7 @@ impl<T: Real> Inverse<T> {
         }
     }
 
-    /// Records what was applied, and returns the voltage that acted on the film (V).
+    /// Records the applied voltage, and returns the one that acted on the film (V).
     ///
     /// A command is relative to the force of the last tick. A monitor that is 1 % off would therefore accumulate tick by tick,
     /// and its noise would return as commands. So the monitor only estimates the amplifier's gain and, where it lags, its pace, slowly.

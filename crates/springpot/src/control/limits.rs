@@ -23,7 +23,7 @@ use crate::error::{ControlError, first_not_positive};
 /// let feedforward: Feedforward<f32> = Feedforward::new(law, &Actuator::KARNER_2022, limits)?;
 /// let mut state: FeedforwardState<f32> = feedforward.state(rest);
 ///
-/// // 4 mm would take more than 2 kV: the command stays at the limit and says so.
+/// // 4 mm would take more than 2 kV: the command stays at the limit and reports it.
 /// let last = (0..2000).map(|_| feedforward.command(&mut state, 4e-3)).last().unwrap();
 /// assert!(last.voltage_v <= 2000.0 && last.limited.bits() != 0);
 /// # Ok(())
@@ -47,7 +47,7 @@ pub struct CommandLimits {
     /// Speed of the return to the reference after a limit was met: two poles at this frequency, Hz. Heavy films return more
     /// slowly, as the largest force allows.
     pub return_hz: f64,
-    /// How the amplifier follows: the command leads by as much as it lags, as far as the limits allow.
+    /// Lag of the amplifier: the command compensates it as far as the limits allow.
     pub amplifier: AmplifierLag,
 }
 
@@ -106,11 +106,11 @@ impl Limited {
     /// The largest acceleration of the shaped reference.
     pub const ACCELERATION: Self = Self(1 << 5);
 
-    /// The speed of the amplifier: up, its command would have to lead beyond the largest voltage; down, its bleeder does not take the
-    /// charge from the film as fast.
+    /// The speed of the amplifier: rising, its command would have to exceed the largest voltage; falling, its bleeder does not discharge
+    /// the film as fast.
     pub const AMPLIFIER: Self = Self(1 << 7);
 
-    /// The film is beyond the stroke that its elastic curve was measured over; the curve goes on linearly there.
+    /// The film is beyond the measured range of its elastic curve, which continues linearly there.
     pub const BEYOND_CURVE: Self = Self(1 << 6);
 
     /// All limits with their names.

@@ -27,8 +27,8 @@ pub struct SensorSample<T> {
 
 /// Estimates the film from the voltage and samples of its displacement.
 ///
-/// The law predicts the displacement under the applied voltage. The innovation e, a sample minus the prediction for its
-/// time, drives a disturbance d: a force that the model does not know. With it the prediction meets the film:
+/// The law predicts the displacement under the applied voltage. The innovation e, a sample minus the prediction for its time, drives a
+/// disturbance d, a force that the model does not explain. With it the prediction agrees with the film:
 ///
 /// ```text
 /// x̂ = G (F + d),    d = C e    ⟹    d = Q (x / G − F),    Q = C G / (1 + C G)
@@ -58,10 +58,10 @@ pub struct SensorSample<T> {
 ///
 /// # Drift
 ///
-/// A stiffness that changes with temperature or age appears as a disturbance that varies with the load. Recursive least
-/// squares over the adaptation time move that part into [`force_scale`](ObserverState::force_scale). The total force stays
-/// the same at that moment and remains right when the load changes. A load within 2 % of the largest force around its mean teaches
-/// nothing: what varies of it is the answer to the disturbance, noise of the sensor included.
+/// A stiffness that changes with temperature or age appears as a disturbance that varies with the load. Recursive least squares over the
+/// adaptation time move that part into [`force_scale`](ObserverState::force_scale). The total force stays the same at that moment and
+/// remains right when the load changes. Nothing is learned from a load that stays within 2 % of the largest force around its mean: it only
+/// responds to the disturbance and to sensor noise.
 ///
 /// The [crate page](crate#observer) has a program.
 #[derive(Clone, Debug, PartialEq)]
@@ -253,8 +253,8 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
     /// Steps the film under the voltage that was applied since the last tick, and corrects it with a `sample`, if one has arrived.
     /// Returns the estimated displacement (m).
     ///
-    /// An observer has no model of the amplifier: the reading of a monitor, where there is a finite one, counts as the voltage on the film,
-    /// otherwise the command. If neither is finite, the last voltage that was stays.
+    /// An observer has no model of the amplifier: the voltage on the film is a finite reading of the monitor, otherwise the command, and
+    /// the last one if neither is finite.
     #[inline]
     pub fn observe(
         &self,

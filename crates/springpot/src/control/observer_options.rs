@@ -22,7 +22,7 @@ const MIN_BANDWIDTH_HZ: f64 = 1e-9;
 /// let camera = ObserverOptions { sample_interval_s: 0.02, delay_s: 0.015, ..ObserverOptions::at_bandwidth(0.5) };
 /// let observer = Observer::new(law.clone(), &Actuator::KARNER_2022, 6000.0, camera)?;
 ///
-/// // It is too slow for more bandwidth.
+/// // The camera is too slow for this bandwidth.
 /// let fast = ObserverOptions { bandwidth_hz: 2.0, ..camera };
 /// let refused = Observer::new(law, &Actuator::KARNER_2022, 6000.0, fast).err();
 /// assert!(matches!(refused, Some(ControlError::SensorTooSlow { .. })));
@@ -36,14 +36,14 @@ const MIN_BANDWIDTH_HZ: f64 = 1e-9;
 pub struct ObserverOptions {
     /// Bandwidth of the correction, Hz: below it the estimate follows the sensor, above it the model.
     pub bandwidth_hz: f64,
-    /// Time from one sensor sample to the next.
+    /// Time from one sensor sample to the next, s.
     pub sample_interval_s: f64,
-    /// Time from a measurement until its sample arrives; may be 0.
+    /// Time from a measurement until its sample arrives, s; may be 0.
     pub delay_s: f64,
-    /// Time without a sample after which the sensor counts as lost.
+    /// Time without a sample after which the sensor counts as lost, s.
     pub lost_after_s: f64,
-    /// Time over which a disturbance that varies with the load becomes a change of the force scale. Infinite: nothing is
-    /// forgotten; 0: the force scale stays 1.
+    /// Time over which a disturbance that varies with the load becomes a change of the force scale, s. Infinite: nothing is forgotten; 0:
+    /// the force scale stays 1.
     pub adaptation_s: f64,
 }
 

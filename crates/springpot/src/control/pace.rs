@@ -74,7 +74,7 @@ impl<T: Real> PacedAmplifier<T> {
         Ok(AmplifierModel::lagging(lag, step_s)?.map(|nominal| Self { nominal }))
     }
 
-    /// Visits what the voltage is computed with.
+    /// Visits the constants of the voltage.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
         take.structure("amplifier", "An amplifier that lags.");
         take.number("up", self.nominal.up, "share of the distance to the command that it goes in a tick, upwards");

@@ -15,7 +15,7 @@ use crate::scalar::Real;
 pub struct FilmReading<T> {
     /// Voltage at the end of the tick, V.
     pub voltage_v: T,
-    /// Mean current into cable and film from the end of the last tick to that of this one, A: what has flowed over the time of a tick.
+    /// Mean current into cable and film from the end of the last tick to that of this one, A: the charge over the time of a tick.
     pub current_a: T,
 }
 
@@ -28,8 +28,8 @@ pub struct SelfSensed<T> {
     pub variance_m2: T,
     /// Capacitance of film and cable, F.
     pub capacitance_f: T,
-    /// Apparent series resistance, Ω: of a tone that is a sine that of electrodes and leads. Of steps that a fast amplifier makes it is less, as
-    /// the current has then fallen by the end of a tick.
+    /// Apparent series resistance, Ω: that of electrodes and leads for a sinusoidal tone; less for the steps of a fast amplifier, whose
+    /// current has fallen by the end of a tick.
     pub resistance_ohm: T,
 }
 
@@ -55,9 +55,8 @@ impl<T: Real> SelfSensed<T> {
 /// Z = V / (π (1 + i) I / 4) = R + 1 / (i ω C),    ω = π / 2 h,    C = −1 / (ω Im Z),    R = Re Z
 /// ```
 ///
-/// This holds for C whatever the tone looks like between the ticks, as long as no current flows through R at their ends, and for a sine in any case. Steps
-/// through an amplifier with a lag of a fifth of a tick make an error of some 2 % of R ω C, a lag of a tick 30 %: constant, and so a part of
-/// the calibration.
+/// For C this holds for a sine, and for any waveform with no current through R at the ends of the ticks. Steps through an amplifier with a
+/// lag of a fifth of a tick make an error of some 2 % of R ω C, a lag of a tick 30 %: constant, and so a part of the calibration.
 ///
 /// The tone of the drive is the same in every block, so V is a mean over the last blocks: noise of the voltage monitor, large beside a tone of a
 /// hundredth of its range, hardly matters. A block whose voltage differs from that mean by more than its noise, as one with
@@ -185,8 +184,8 @@ impl<T: Real> SelfSensing<T> {
         Self::from_relation(Relation::new(relation, options.sample_interval_s())?, relation, options)
     }
 
-    /// The same with the springpot of the relation in numbers, which a host [has built](Self::creep): that takes a controller as long as
-    /// the law of a film.
+    /// The same with the springpot of the relation as numbers from a host ([`creep`](Self::creep)): building it takes a controller as long
+    /// as building a law.
     ///
     /// # Errors
     ///
@@ -228,13 +227,13 @@ impl<T: Real> SelfSensing<T> {
         })
     }
 
-    /// The springpot of the relation in numbers.
+    /// The springpot of the relation as numbers, for [`with_creep`](Self::with_creep).
     #[must_use]
     pub fn creep(&self) -> CreepCoefficients<T> {
         self.relation.creep()
     }
 
-    /// Visits what a tick computes with.
+    /// Visits the constants of a tick.
     #[doc(hidden)]
     pub fn numbers(&self, take: &mut impl Numbers<T>) {
         take.structure(
@@ -263,8 +262,8 @@ impl<T: Real> SelfSensing<T> {
         self.relation.numbers(take);
     }
 
-    /// Standard deviation of the mean displacement of so many `blocks` by the noise of the monitors, m: of a film at rest and a tone of `tone_v`
-    /// (V) behind the amplifier, once its voltage is averaged. It shows whether monitors suffice.
+    /// Standard deviation (m) that the noise of the monitors causes in the mean displacement of this number of `blocks`, for a film at rest
+    /// and a tone of `tone_v` (V) behind the amplifier. It shows whether monitors suffice.
     #[must_use]
     pub fn noise_m(&self, tone_v: f64, blocks: f64) -> f64 {
         let phasor = GAIN * f64::from(self.ticks) / 2.0 * tone_v;
@@ -445,14 +444,14 @@ impl<T: Real> SelfSensingState<T> {
         self.variance = self.variance - gain * self.variance;
     }
 
-    /// Why the film cannot be sensed. It stays until a new state begins: end at 0 V.
+    /// The fault for which the film cannot be sensed; it stays until a new state. End at 0 V.
     #[must_use]
     #[inline]
     pub fn fault(&self) -> Option<SelfSensingFault> {
         self.fault
     }
 
-    /// The voltage without the tone, V, half a period ago: what a model of the film steps with.
+    /// The voltage without the tone half a period ago, V, with which a model of the film is stepped.
     #[must_use]
     #[inline]
     pub fn drive_v(&self) -> T {

@@ -19,14 +19,13 @@ use crate::scalar::{Real, Scalar};
 /// In every tick: [`observe`](Self::observe) the applied voltage and the sample that has arrived, if one has; then
 /// [`command`](Self::command). One law is stepped once a tick.
 ///
-/// With Q the low-pass of the observer, a film whose response is 1 + Δ times the model's follows its reference with the
-/// error (1 − Q) Δ / (1 + Q Δ): below the bandwidth the model's error is compensated, above it the feedforward acts alone.
-/// References near the bandwidth and above it would meet that error amplified, by the phase of Q. So their frequency is measured, and
-/// above 0.6 bandwidths less and less of the correction is used: a thirtieth from 0.85 bandwidths on, which corrects their mean. Steps, ramps
-/// and slow cycles keep all of it.
+/// With Q the low-pass of the observer, a film whose response is 1 + Δ times the model's follows its reference with the error (1 − Q) Δ /
+/// (1 + Q Δ): below the bandwidth the model's error is compensated, above it the feedforward acts alone. For references near the bandwidth
+/// and above, the phase of Q would amplify that error. So their frequency is measured, and above 0.6 bandwidths less of the correction is
+/// used: a thirtieth from 0.85 bandwidths on, which corrects their mean. Steps, ramps and slow cycles use all of it.
 ///
-/// While the sensor is lost the feedforward acts alone as well, with the disturbance and force scale learned so far. A film that changes in
-/// more than its force scale is followed once its state [learns](Adapting) it.
+/// While the sensor is lost the feedforward acts alone as well, with the disturbance and force scale learned so far. Changes of the film
+/// beyond the force scale are compensated if the state [learns](Adapting) them.
 ///
 /// The [crate page](crate#follower) has a program that steps it through a [`Follower`](crate::Follower).
 #[derive(Clone, Debug, PartialEq)]
@@ -94,7 +93,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         Ok(Self { observer, inverse, fade, adaptation })
     }
 
-    /// A state that begins with `film`, at 0 V; the reference begins where the film is.
+    /// A state at 0 V with this `film`, a state of the same law; the reference begins at its displacement.
     #[must_use]
     pub fn state(&self, film: LawState<T, M>) -> TrackingState<T, M, PAST> {
         let inverse = InverseState::at(film.position());
@@ -130,7 +129,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         self.observer.step(&mut state.observer, load, sample)
     }
 
-    /// Steps a film that changes, and what follows it.
+    /// Steps a film that changes, and its adaptation.
     #[inline(never)] // for films that change
     fn observe_change(
         &self,
@@ -170,8 +169,8 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
 impl<T: Real, const HEAD: usize, const FAST: usize, const SLOW: usize, const PAST: usize>
     Tracking<T, Compressed<T, HEAD, FAST, SLOW>, PAST>
 {
-    /// Visits what a tick computes with. A [`Feedforward`](crate::Feedforward) of the same law, actuator and limits computes with the same law,
-    /// drive and inverse.
+    /// Visits the constants of a tick. A [`Feedforward`](crate::Feedforward) of the same law, actuator and limits computes with the same
+    /// law, drive and inverse.
     #[doc(hidden)]
     pub fn numbers(&self, take: &mut impl Numbers<T>) {
         self.observer.law().numbers(take);
@@ -181,7 +180,7 @@ impl<T: Real, const HEAD: usize, const FAST: usize, const SLOW: usize, const PAS
         self.fade.numbers(take);
     }
 
-    /// Visits what a tick of a film that changes computes with besides.
+    /// Visits the further constants of a tick with adaptation.
     #[doc(hidden)]
     pub fn numbers_of_changes(&self, take: &mut impl Numbers<T>) {
         self.adaptation.numbers(take);
@@ -195,60 +194,59 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         &self.observer
     }
 
-    /// All of the correction is in use until the reference has moved again: for a voltage that does not follow the sensor.
+    /// Uses all of the correction until the reference has moved again: for a voltage that does not follow the sensor.
     pub(crate) fn correct_fully(&mut self) {
         self.fade = FadeState::at(self.inverse.path.position);
     }
 
-    /// From now on the observer leaves the errors of cycles to a [`Learning`](crate::Learning), by the share that it has taken over.
+    /// Leaves the errors of cycles to a [`Learning`](crate::Learning) from now on, by the share that it has taken over.
     pub(crate) fn leave_cycles(&mut self, taken_over: T) {
         self.most = T::from_f64(1.0) - taken_over;
     }
 
-    /// Resets disturbance and force scale to 0 and 1, and what was learned of a film that changes: the model as it was fitted, at once.
-    /// [Learning](Adapting::Learn) goes on.
+    /// Resets disturbance, force scale and learned changes at once: the model as it was fitted. [Learning](Adapting::Learn) continues.
     pub fn forget(&mut self) {
         self.observer.forget();
         self.adaptation.reset::<M>();
     }
 
-    /// How the law follows a film that changes: [off](Adapting::Off) at first.
+    /// How the law adapts to a film that changes: [off](Adapting::Off) at first.
     #[must_use]
     pub fn adapting(&self) -> Adapting {
         self.adaptation.adapting()
     }
 
-    /// Whether the law is, or need not stay, another one than was fitted: by what is learned, or by a temperature.
+    /// Whether the law differs from the fitted one or may come to differ, by learned changes or a temperature.
     #[must_use]
     #[inline]
     pub fn is_adapted(&self) -> bool {
         self.adaptation.is_in_use()
     }
 
-    /// Whether the law uses what was learned of a film that changes, or comes to use it.
+    /// Whether learned changes are in use or come into use.
     #[must_use]
     pub fn has_learned(&self) -> bool {
         self.adaptation.has_learned()
     }
 
-    /// Whether the law is in use as it was fitted: neither with what was learned of a film that changes, nor at another temperature.
+    /// Whether the law is in use as it was fitted, without learned changes and at its own temperature.
     #[must_use]
     pub fn is_as_fitted(&self) -> bool {
         self.adaptation.is_as_fitted()
     }
 
-    /// From now on the law follows a film that changes, stays as it has followed it, or as it was fitted.
+    /// Sets how the law adapts to a film that changes.
     pub fn set_adapting(&mut self, adapting: Adapting) {
         self.adaptation.set_adapting::<M>(adapting);
     }
 
-    /// How the film differs from its law, as far as that was learned.
+    /// The learned changes of the film.
     #[must_use]
     pub fn adapted(&self) -> Adapted<T> {
         self.adaptation.adapted(self.observer.force_scale())
     }
 
-    /// Uses what was learned of the film before, and [holds](Adapting::Hold) it: after a restart. For a film at rest.
+    /// Uses changes that were learned before, such as before a restart, and [holds](Adapting::Hold) them. Call it for a film at rest.
     ///
     /// # Errors
     ///
@@ -259,12 +257,12 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         Ok(())
     }
 
-    /// From now on the film has a temperature at which its stiffness and its relaxation times are these factors of those of its law
-    /// ([`TemperatureDependence`](crate::TemperatureDependence)): they come into use with a time constant of a second, with or without a sensor, beside what is
-    /// learned, which is then what differs from that film. Where the law does not [learn](Adapting::Learn) it is [held](Adapting::Hold) from now on, and the observer's own force
-    /// scale no longer adapts; [off](Adapting::Off) forgets the temperature.
+    /// Sets the factors of stiffness and relaxation times at the film's temperature
+    /// ([`TemperatureDependence`](crate::TemperatureDependence)). They come into use with a time constant of a second, with or without a
+    /// sensor; learned changes are relative to them. A law that does not [learn](Adapting::Learn) is [held](Adapting::Hold) from now on,
+    /// and the observer's own force scale no longer adapts; [off](Adapting::Off) resets the temperature.
     ///
-    /// Modes faster than 2/s keep their rates, as with what is learned.
+    /// Modes faster than 2/s keep their rates, as with learned changes.
     ///
     /// # Errors
     ///
@@ -273,7 +271,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         self.adaptation.set_temperature_factors::<M>([stiffness, time])
     }
 
-    /// The factors of stiffness and times that were [stated](Self::set_temperature_factors) last, within 1e-4; 1 where none were.
+    /// The [factors](Self::set_temperature_factors) of stiffness and times, within 1e-4; 1 if none were set.
     #[must_use]
     pub fn temperature_factors(&self) -> [T; 2] {
         self.adaptation.temperature_factors()
@@ -286,31 +284,31 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         self.adaptation.ageing()
     }
 
-    /// By how much the film's stiffness differs from its law's, if nothing else does: 0.02 for 2 % more. 0 below 1.25 %, and for what may be chance: three
-    /// [uncertainties](Adapted::uncertainty) when it was last learned. A change of something else shows as well, as the stiffness that explains it best.
+    /// Relative change of the film's stiffness if nothing else has changed: 0.02 for 2 % stiffer. 0 below 1.25 % and within three
+    /// [uncertainties](Adapted::uncertainty). Any other change shows as the stiffness that explains it best.
     #[must_use]
     pub fn stiffness_change(&self) -> T {
         self.adaptation.stiffness_change()
     }
 
-    /// Forgets what was learned of a film that changes: it goes out of use within some seconds. Learning goes on.
+    /// Discards learned changes, which go out of use within some seconds. Learning continues.
     pub fn forget_changes(&mut self) {
         self.adaptation.forget();
     }
 
-    /// The voltage on the film, V: what the amplifier has made of the commands.
+    /// Estimated voltage on the film, V: behind the amplifier's gain and lag.
     #[must_use]
     pub fn film_voltage(&self) -> T {
         self.inverse.film_voltage()
     }
 
-    /// Whether the amplifier's gain is one that ticks leave: memory in which a bit has flipped may hold another.
+    /// Whether the amplifier's gain is within its bounds: a bit that flips in memory may leave it elsewhere.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         self.inverse.is_sound()
     }
 
-    /// The same without the gain that the amplifier's monitor has shown: what the commands are worth, V.
+    /// [`film_voltage`](Self::film_voltage) without the gain that the amplifier's monitor has shown, V.
     #[must_use]
     pub fn followed_voltage(&self) -> T {
         self.inverse.followed_voltage()

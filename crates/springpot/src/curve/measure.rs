@@ -4,7 +4,7 @@ use crate::curve::spread::spread;
 use crate::curve::{Curve, Knot};
 use crate::error::CurveError;
 
-/// A strain measure of the memory: what its elements stretch with. `length_m` is ℓ, `exponent` is m.
+/// A strain measure of the memory: the strain of its elements over the displacement x. `length_m` is ℓ, `exponent` is m.
 ///
 /// ```text
 /// T(x) = (ℓ/m) ((1 + x/ℓ)^m − 1),      with m = 0: ℓ ln(1 + x/ℓ), Hencky's strain

@@ -110,7 +110,7 @@ impl<T: Scalar, const EIGHTS: usize> Table<T, EIGHTS> {
             .chain(core::iter::once(self.last))
     }
 
-    /// Visits what a place is computed with, with as many pieces as `count`. The pieces of a spring have forces for values.
+    /// Visits the constants of a place, with as many pieces as `count`. The pieces of a spring have forces for values.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>, name: &'static str, count: usize) {
         let piece = Record {
             name: "piece",

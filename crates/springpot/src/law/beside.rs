@@ -80,7 +80,7 @@ impl<T: Scalar> Beside<T> {
             .fold(1.0, f64::max)
     }
 
-    /// Visits what a step beside the spring computes with.
+    /// Visits the constants of a step beside the spring.
     pub(super) fn numbers(&self, take: &mut impl Numbers<T>, least: T) {
         self.measure.numbers(take, "pieces", MAX_KNOTS - 1);
         take.structure("spring", "A spring E beside the memory, whose force then has the weight T'.");

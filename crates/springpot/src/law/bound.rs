@@ -32,10 +32,11 @@ use crate::scalar::Scalar;
 /// them by the increments, and by partial summation the total variations of δ and q bound them by the stroke. There are runs that reach these sums.
 ///
 /// δ and q are exact for the first 64 steps. Beyond, they are inverse Laplace integrals at 6 places an octave: their sums are enlarged by
-/// an eighth and their variations by two fifths, which is more than such sums were ever off. An oscillation of film and mass that is fast beside the
+/// an eighth and their variations by two fifths, more than the largest error found. An oscillation of film and mass that is fast beside the
 /// distance of these places is taken out of q and counted with its envelope.
 ///
-/// The rounding of the coefficients to the number type is inside; the rounding of a step's arithmetic is not. The bounds themselves are rounded up.
+/// The rounding of the coefficients to the number type is included; the rounding of a step's arithmetic is not. The bounds themselves are
+/// rounded up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -80,8 +81,8 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// Beside a spring the memory's force has the weight T': the bounds of the force are larger by the square of the largest slope, and those of
     /// the displacement are infinite.
     ///
-    /// Infinite as well for a horizon that is not finite, and for the displacement of a film of which it is not known whether it
-    /// oscillates: 3 of 40 000 random ones, all of springs, dashpots and a mass alone.
+    /// Infinite as well for a horizon that is not finite, and for the displacement if it could not be decided whether the film oscillates:
+    /// 3 of 40 000 random ones, all of springs, dashpots and a mass alone.
     ///
     /// Takes longer than building the law.
     ///

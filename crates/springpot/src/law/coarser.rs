@@ -20,7 +20,7 @@ struct Mode {
 }
 
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
-    /// This law with a head of `H` increments and at most `F + S` modes: a cheaper film that is only watched, as for a limit of the stroke.
+    /// This law with a head of `H` increments and at most `F + S` modes: a cheaper model, such as for a limit of the stroke.
     ///
     /// Neighbouring modes are merged, in the groups of which the worst changes the modulus least at its time scale.
     /// The sum of their weights stays. What a shorter head loses are the first milliseconds: the modes begin earlier, and what they miss of
@@ -97,11 +97,11 @@ const UNSEEN: f64 = 2.5e-3;
 const STROKES: u8 = 32;
 
 impl<T: Scalar, M: Memory<T>> Law<T, M> {
-    /// How much less than this law `coarser` may move, as a share of the displacement, up to `stroke_m` (m) under a voltage whose force grows by
-    /// `coupling_per_m` (1/m) with the displacement. Infinite where voltages cannot hold the film within that stroke.
+    /// Largest share of the displacement by which `coarser` may be behind this law, up to `stroke_m` (m), under a voltage whose force grows
+    /// by `coupling_per_m` (1/m) with the displacement. Infinite where voltages cannot hold the film within that stroke.
     ///
-    /// The largest share by which its memory is stiffer, from 1 Hz to a million seconds, and 0.25 % for what is faster, times what elastic curves and coupling make of it: where
-    /// T(x) K = F (1 + κ x),
+    /// It is the largest share by which the memory of `coarser` is stiffer, from 1 Hz to a million seconds, plus 0.25 % for faster changes,
+    /// times a factor of elastic curves and coupling: with T(x) K = F (1 + κ x),
     ///
     /// ```text
     /// −dx / x = dK / K · (T / x) / (T' − κ T / (1 + κ x))

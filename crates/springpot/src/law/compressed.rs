@@ -177,14 +177,14 @@ pub struct CompressedHistory<T, const HEAD: usize, const FAST: usize, const SLOW
     pub(crate) slow: [Dashpot<T>; SLOW],
 }
 
-/// A number for each mode of a [`Compressed`] memory.
+/// One number for each mode of a [`Compressed`] memory.
 #[derive(Clone, Debug)]
 pub struct PerMode<T, const FAST: usize, const SLOW: usize> {
     fast: [T; FAST],
     slow: [T; SLOW],
 }
 
-/// As every number type has it: not every one compares itself.
+/// Not derived: not every number type can be compared.
 impl<T: Scalar, const FAST: usize, const SLOW: usize> PartialEq for PerMode<T, FAST, SLOW> {
     fn eq(&self, other: &Self) -> bool {
         let numbers = |modes: &Self| (modes.fast.map(T::to_f64), modes.slow.map(T::to_f64));
@@ -235,7 +235,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
 }
 
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
-    /// Visits what a step computes with.
+    /// Visits the constants of a step.
     #[doc(hidden)]
     pub fn numbers(&self, take: &mut impl Numbers<T>) {
         let Compressed { head, fast, slow, .. } = self.memory();

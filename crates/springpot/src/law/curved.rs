@@ -207,7 +207,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         before.into_iter().flat_map(Table::knots).chain(springs)
     }
 
-    /// Visits what a step behind a curve computes with.
+    /// Visits the constants of a step behind a curve.
     pub(crate) fn curve_numbers(&self, take: &mut impl Numbers<T>) {
         let Some(Curved { shape, instant, inertia, past_inertia, least, .. }) = &self.curved else { return };
         take.structure("curve", "An elastic curve T in front of a law: its memory acts on T(x), the inertia on x.");

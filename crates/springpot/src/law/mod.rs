@@ -108,7 +108,7 @@ pub(crate) mod sealed {
 /// With [`Discretisation::Bdf2`] s = (1 − ζ)(3 − ζ)/2h instead. g then has other values, and the inertia is
 /// `(m/4h²)(9 Δx_k − 15 Δx_{k−1} + 7 Δx_{k−2} − Δx_{k−3})`: of these, 9 is in the stiffness and the rest in the head's weights.
 ///
-/// [`Compressed`] says how the sum over all the past takes constant time.
+/// [`Compressed`] describes how the sum over all the past takes constant time.
 ///
 /// # With an elastic curve
 ///

@@ -118,7 +118,7 @@ impl Preset {
     ///
     /// # Errors
     ///
-    /// None in practice: the tables are valid, and a test holds them to it.
+    /// None in practice: a test checks the tables.
     pub fn model(&self) -> Result<Maxwell, ModelError> {
         Maxwell::new(self.main, self.branches, Topology::Eq11, Actuator::KARNER_2022.mass_kg)
     }

@@ -65,13 +65,13 @@ impl TemperatureDependence {
         Self { reference_c, stiffness_per_k: 0.0, activation_kj_per_mol: 0.0 }
     }
 
-    /// Factor of the stiffness at a temperature.
+    /// Factor of the stiffness at a temperature (°C).
     #[must_use]
     pub fn stiffness_factor(&self, temperature_c: f64) -> f64 {
         1.0 + self.stiffness_per_k * (temperature_c - self.reference_c)
     }
 
-    /// Factor of all relaxation and creep times at a temperature.
+    /// Factor of all relaxation and creep times at a temperature (°C).
     #[must_use]
     pub fn time_factor(&self, temperature_c: f64) -> f64 {
         libm::exp(self.ln_time_factor(temperature_c))
@@ -114,8 +114,8 @@ impl TemperatureDependence {
     ///
     /// # Errors
     ///
-    /// [`ModelError::Temperature`] for a temperature that no film has, [`ModelError::TemperatureDependence`] for a slope or an activation energy that
-    /// none has.
+    /// [`ModelError::Temperature`] or [`ModelError::TemperatureDependence`] for a temperature, a slope or an activation energy out of
+    /// range.
     pub fn check(&self) -> Result<(), ModelError> {
         let Self { reference_c, stiffness_per_k, activation_kj_per_mol } = *self;
         is_of_a_film(reference_c)?;
@@ -131,7 +131,7 @@ impl TemperatureDependence {
         Ok(())
     }
 
-    /// Checks the numbers, and that they reach to a temperature.
+    /// Checks the values, and that they are valid at a temperature (°C).
     ///
     /// # Errors
     ///

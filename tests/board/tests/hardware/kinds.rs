@@ -150,7 +150,7 @@ pub fn board_of<K: Kind>() -> (Board, K) {
     (board, wired)
 }
 
-/// The STM32F405 with the converters of `docs/wiring.md`.
+/// The STM32F405 with its converters, as in `docs/boards.md`.
 pub struct H405 {
     pub dac: Rc<RefCell<Ad5754>>,
     pub monitor: Rc<RefCell<Ads868x>>,

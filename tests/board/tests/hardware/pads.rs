@@ -1,4 +1,4 @@
-//! Every pin that the firmware's start sets, against the data sheet and `docs/wiring.md`.
+//! Every pin that the firmware's start sets, against the data sheet and `docs/boards.md`.
 
 use board_on_host::board::Board;
 use board_on_host::chip::gpio::{Mode, Pad, Pin, Pull, Speed};

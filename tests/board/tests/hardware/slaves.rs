@@ -45,7 +45,7 @@ impl SerialChip for Recorder {
     }
 }
 
-/// Where the DAC is: `docs/wiring.md`.
+/// The DAC's pins: `docs/boards.md`.
 pub fn dac_wiring() -> Wiring {
     let port_b = |number| Pin::new('B', number);
     Wiring { select: port_b(12), sck: port_b(13), miso: port_b(14), mosi: port_b(15) }

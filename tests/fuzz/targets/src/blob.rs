@@ -87,7 +87,7 @@ fn encoded(blob: &Blob) -> Vec<u8> {
     bytes
 }
 
-/// Checks parameters that were not refused against dea-driver/doc/blob.md and docs/wiring.md.
+/// Checks parameters that were not refused against dea-driver/doc/blob.md and docs/own-board.md.
 fn holds(parameters: &Parameters) {
     let Parameters { rate_hz, limits, actuator, control, .. } = parameters;
     assert!((1.0..=100_000.0).contains(rate_hz));

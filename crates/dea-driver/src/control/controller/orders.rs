@@ -17,8 +17,8 @@ impl<M: ControllerMemory> Controller<M> {
         self.supervisor.heartbeat();
     }
 
-    /// Notes the mean current since the last tick by its monitor, V at the ADC, for the next one; `None` if the converter did not answer, which is as
-    /// good as not to note any.
+    /// Notes the mean current since the last tick by its monitor, V at the ADC, for the next tick; `None`, or no call, if the converter did
+    /// not answer.
     #[cfg(feature = "self-sensing")]
     pub fn note_current(&mut self, adc_v: Option<f32>) {
         if let Some(sensor) = &self.parameters.self_sensing {
@@ -51,9 +51,8 @@ impl<M: ControllerMemory> Controller<M> {
         self.supervisor.note_self_test();
     }
 
-    /// Begins a run in `mode` at 0 V, where it stays until a target is set. Feedforward uses the model as it was fitted, without
-    /// what was learned in other runs, unless the law [adapts](Self::order_adaptation); what was learned of cycles begins anew, unless it is ordered to be
-    /// [carried over](Self::order_learning).
+    /// Begins a run in `mode` at 0 V, where it stays until a target is set. Feedforward uses the model as it was fitted, unless the law
+    /// [adapts](Self::order_adaptation); learned cycles start again, unless they are [carried over](Self::order_learning).
     pub fn start(&mut self, mode: Mode) -> Result<(), Refusal> {
         self.supervisor.start()?;
         self.clear_target();
@@ -85,8 +84,8 @@ impl<M: ControllerMemory> Controller<M> {
         Ok(())
     }
 
-    /// Acknowledges a trip: disarmed from now on. What was learned from the sensor is forgotten, since the fault may have taught
-    /// it; a film whose state is not finite starts again at rest.
+    /// Acknowledges a trip: disarmed from now on. What was learned from the sensor is reset, since it may stem from the fault; a film whose
+    /// state is not finite starts again at rest.
     pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         self.supervisor.acknowledge()?;
         self.clear_target();
@@ -107,8 +106,8 @@ impl<M: ControllerMemory> Controller<M> {
     ///
     /// # Errors
     ///
-    /// [`SetpointError`] for NaN and beyond what the monitor may show, and unless the amplifier is enabled. Between the largest
-    /// voltage and what the monitor may show, as recordings have it with their monitor's noise, the largest voltage is commanded.
+    /// [`SetpointError`] for NaN, beyond the largest voltage that the monitor may show, and unless the amplifier is enabled. Between the
+    /// largest voltage and the largest reading, as in recordings with monitor noise, the largest voltage is commanded.
     pub fn set_voltage(&mut self, volts: f32) -> Result<(), SetpointError> {
         if !(0.0..=self.parameters.limits.monitored_v()).contains(&volts) {
             return Err(SetpointError::OutOfRange);
@@ -154,7 +153,7 @@ impl<M: ControllerMemory> Controller<M> {
         self.film_sensor.end_run();
     }
 
-    /// Forgets or carries over what was learned of a periodic reference, if anything was. In any state.
+    /// Resets or carries over the learned correction of a periodic reference. In any state.
     pub fn order_learning(&mut self, order: LearningOrder) {
         match order {
             LearningOrder::Forget => self.course.forget_cycles(),
@@ -162,8 +161,8 @@ impl<M: ControllerMemory> Controller<M> {
         }
     }
 
-    /// Lets the law follow a film that changes, or not. In any state; it is off in a new controller. Whatever it learns, the model that watches the
-    /// stroke is the one that was fitted.
+    /// Orders how the law adapts to a film that changes. In any state; off in a new controller. The model that limits the stroke does not
+    /// adapt.
     ///
     /// # Errors
     ///
@@ -206,7 +205,7 @@ impl<M: ControllerMemory> Controller<M> {
         (course.adapting() != Adapting::Off && course.has_learned()).then(|| course.adapted())
     }
 
-    /// How far the film has moved from its law, as far as that was learned.
+    /// The learned changes of the film.
     #[must_use]
     pub fn adaptation(&self) -> AdaptationStatus {
         let course = self.course.compensator();

@@ -8,16 +8,17 @@ impl Supervisor {
     ///
     /// # Errors
     ///
-    /// [`Refusal`] from another state than disarmed, while the readings of the last tick are not safe, until a film that was live
-    /// again after its discharge has been at 0 V for as long as that takes, and without a self-test that is
-    /// [asked for](Self::with_self_test_above).
+    /// [`Refusal`] from another state than disarmed, before the first tick, while the readings of the last tick are not safe, until a film
+    /// that was live after its discharge has been at 0 V for that time again, and without a self-test that is
+    /// [required](Self::with_self_test_above).
     pub fn arm(&mut self) -> Result<(), Refusal> {
         self.refusals().next().map_or(Ok(()), Err)?;
         self.enable(self.max_voltage_v);
         Ok(())
     }
 
-    /// The same for a self-test, with or without one before: the largest voltage is [`SELF_TEST_V`](Self::SELF_TEST_V) until it is armed again.
+    /// The same for a self-test, which need not have passed before: the largest voltage is [`SELF_TEST_V`](Self::SELF_TEST_V) until it is
+    /// armed again.
     ///
     /// # Errors
     ///
@@ -43,7 +44,7 @@ impl Supervisor {
         self.monitor.reset();
     }
 
-    /// Reasons that keep it from being armed now, all of them.
+    /// All reasons for which [`arm`](Self::arm) would be refused now.
     pub fn refusals(&self) -> impl Iterator<Item = Refusal> + use<> {
         let is_live = !self.is_at_0_v() || self.missing_at_0_v > 0;
         let fault = self.last_fault.filter(|_| self.on_sensor_fault != OPENS_LOOP);

@@ -10,7 +10,7 @@ use crate::numbers::{Numbers, Record};
 use crate::scalar::Real;
 
 impl<T: Real> Adaptation<T> {
-    /// Visits what it computes with.
+    /// Visits its constants.
     pub(in crate::control) fn numbers(&self, take: &mut impl Numbers<T>) {
         take.structure("adaptation", "How a film that changes is followed.");
         take.count("first", u32::from(self.first), "the first mode that follows");

@@ -12,7 +12,7 @@ use crate::numbers::Numbers;
 use crate::scalar::Real;
 
 impl<T: Real, const PAST: usize> Learning<T, PAST> {
-    /// Visits what a tick computes with.
+    /// Visits the constants of a tick.
     #[doc(hidden)]
     pub fn numbers(&self, take: &mut impl Numbers<T>) {
         take.structure("learning", "Learning of periodic references.");

@@ -26,12 +26,11 @@ use crate::error::{ControlError, first_not_positive};
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct LearningOptions {
-    /// How many harmonics are learned, beside the mean: 1 to [`HARMONICS`].
+    /// Number of harmonics that are learned, beside the mean: 1 to [`HARMONICS`].
     pub harmonics: usize,
-    /// Period of the reference. `None`: taken from the reference, which takes three or four of its cycles, and needs one that crosses
-    /// its middle upwards once in a cycle.
+    /// Period of the reference, s. `None`: measured, within three or four cycles; the reference must cross its middle upwards once a cycle.
     pub period_s: Option<f64>,
-    /// Time from one sample of the sensor to the next.
+    /// Time from one sample of the sensor to the next, s.
     pub sample_interval_s: f64,
 }
 

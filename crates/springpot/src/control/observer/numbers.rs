@@ -6,7 +6,7 @@ use crate::numbers::{Numbers, Record};
 use crate::scalar::Real;
 
 impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
-    /// Visits what it computes with besides its law and drive.
+    /// Visits its constants besides those of law and drive.
     pub(in crate::control) fn own_numbers(&self, take: &mut impl Numbers<T>) {
         take.structure("observer", "The observer.");
         let gains = Record {

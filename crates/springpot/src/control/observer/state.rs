@@ -45,7 +45,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
         self.film.position()
     }
 
-    /// The force on the film that the model does not know, N, apart from the force scale.
+    /// The force on the film that the model does not explain, N, apart from the force scale.
     #[must_use]
     #[inline]
     pub fn disturbance(&self) -> T {
@@ -105,7 +105,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
         (load - self.load_mean).abs()
     }
 
-    /// The force that a model of this `stiffness` (N/m) lacks, N: what acts of it, and what the last innovation still asks for.
+    /// The force that a model of this `stiffness` (N/m) lacks, N: the disturbance, and the part that the last innovation still needs.
     pub(crate) fn unexplained(&self, stiffness: T) -> T {
         self.disturbance + stiffness * self.film.slope() * self.innovation
     }
@@ -115,8 +115,8 @@ impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
         self.since_sample <= observer.lost_after && self.share > T::from_f64(FULL_SHARE)
     }
 
-    /// From now on the force scale is `scale`. The disturbance becomes less by `shift` (N), which the model now has, and without a sensor
-    /// `kept` (N).
+    /// Sets the force scale to `scale`. The disturbance becomes less by `shift` (N), which is now in the model, and returns to `kept` (N)
+    /// without a sensor.
     pub(crate) fn adapt_to(&mut self, scale: T, shift: T, kept: T) {
         self.force_scale = scale;
         self.integral = self.integral - shift;
