@@ -16,9 +16,9 @@ pub enum ModelElement {
     /// Element `element` (0 or 1) of branch `branch`, both counted from 0.
     #[error("branch {}, springpot {}", .branch + 1, .element + 1)]
     Branch {
-        /// Which branch.
+        /// Index of the branch.
         branch: usize,
-        /// Which of its two springpots.
+        /// Index of its springpot.
         element: usize,
     },
 }
@@ -50,10 +50,10 @@ pub enum ModelError {
     /// More branches than [`MAX_BRANCHES`].
     #[error("{0} branches, at most {MAX_BRANCHES} are possible")]
     Branches(usize),
-    /// A temperature that no film has (°C).
+    /// A temperature out of range (°C).
     #[error("a temperature of {0} °C must be from -100 to 250: K or °F?")]
     Temperature(f64),
-    /// A slope or an activation energy that no film has.
+    /// A slope or an activation energy out of range.
     #[error("{quantity} = {value} must be from -{most} to {most}")]
     TemperatureDependence {
         /// Name of the field.
@@ -63,7 +63,7 @@ pub enum ModelError {
         /// The largest.
         most: f64,
     },
-    /// A temperature to which a dependence does not reach.
+    /// A temperature at which a dependence is not valid.
     #[error(
         "at {temperature_c} °C the film would have {stiffness:.3} times its stiffness and {time:.3e} times its times, beyond what its dependence on the temperature describes"
     )]
@@ -112,7 +112,7 @@ pub enum LawError {
     TooFewModes {
         /// Modes of the law.
         modes: usize,
-        /// Modes needed at the least.
+        /// Modes that are needed.
         needed: usize,
     },
     /// A head that is shorter than the inertia of the method reaches back.
@@ -128,7 +128,7 @@ pub enum LawError {
         "nothing to solve: the stiffness of one step is 0, infinite or beyond the number type; check the units of the coefficients"
     )]
     NothingToSolve,
-    /// A coefficient that no film has: non-finite, negative, or of a mode that grows.
+    /// An invalid coefficient: non-finite, negative, or of a mode that grows.
     #[error("{0} of the law must be finite, and what relaxes must decay")]
     Coefficient(&'static str),
     /// An elastic curve that was refused.
@@ -139,7 +139,7 @@ pub enum LawError {
         "at {displacement_m:.6} m spring and memory have a stiffness of {stiffness:.3e} N/m within a step; the spring must not fall so steeply"
     )]
     Unstable {
-        /// Where, m.
+        /// The displacement, m.
         displacement_m: f64,
         /// The stiffness of one step there, N/m.
         stiffness: f64,
@@ -149,7 +149,7 @@ pub enum LawError {
         "the spring in series has a slope of {slope:.3e} N/m where it is stretched by {elongation_m:.6} m; it must rise everywhere"
     )]
     SeriesSpring {
-        /// Where, m.
+        /// The displacement, m.
         elongation_m: f64,
         /// The slope there, N/m.
         slope: f64,
@@ -222,7 +222,7 @@ pub enum CurveError {
         "at {displacement_m:.6} m the film has the stretch {stretch:.4}, where its chains are taut or it has no length"
     )]
     Taut {
-        /// Where, m.
+        /// The displacement, m.
         displacement_m: f64,
         /// The stretch there.
         stretch: f64,
@@ -325,7 +325,7 @@ pub enum ControlError {
     /// A number of harmonics that cannot be learned.
     #[error("{harmonics} harmonics to learn; from 1 to {HARMONICS} are possible", HARMONICS = crate::HARMONICS)]
     Harmonics {
-        /// The number asked for.
+        /// The number in the options.
         harmonics: usize,
     },
     /// A sensor that would count as lost between two samples.

@@ -303,7 +303,7 @@ impl Copied<'_> {
     }
 }
 
-/// Runs the tests on `sample` of the mutants, or on all of them, in a copy of the project, and prints the table of safety.md. `only` is a part of
+/// Runs the tests on `sample` of the mutants, or on all of them, in a copy of the project, and prints the counts for safety.md. `only` is a part of
 /// the paths of their files.
 pub fn run(sample: Option<usize>, only: Option<&str>) -> Result<()> {
     let folder = root().join("target/mutants-by-hand");

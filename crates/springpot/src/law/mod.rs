@@ -45,7 +45,7 @@ pub(crate) mod sealed {
     pub trait Steps<T> {
         /// The part that changes with every step. A [`LawState`](crate::LawState) holds it.
         type History;
-        /// A number for each decaying mode.
+        /// One number for each decaying mode.
         type PerMode: Clone + core::fmt::Debug + PartialEq;
 
         /// Decaying modes, fastest first.
@@ -60,7 +60,7 @@ pub(crate) mod sealed {
         /// Drops the inertia that a second-order method has in its weights: a law behind a curve steps it itself.
         fn leave_inertia(&mut self);
 
-        /// So many zeros.
+        /// Zeros, one for each mode.
         fn per_mode() -> Self::PerMode;
 
         /// The number of mode `index`; `None` beyond the last.

@@ -21,7 +21,7 @@ impl<T: Scalar> Series<T> {
         core::iter::once(Knot::straight()).chain(self.spring.knots())
     }
 
-    /// Visits what a step in series with the spring computes with.
+    /// Visits the constants of a step in series with the spring.
     pub(super) fn numbers(&self, take: &mut impl Numbers<T>) {
         self.spring.numbers(take, "pieces", MAX_KNOTS - 1);
         take.structure("series", "The curve is a spring S in series with the memory, force over elongation.");

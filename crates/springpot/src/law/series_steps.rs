@@ -8,16 +8,16 @@ use crate::law::{Law, LawState, Memory};
 use crate::scalar::Scalar;
 
 impl<T: Scalar, M: Memory<T>> Law<T, M> {
-    /// This law with `spring` in series: what the memory and the spring are stretched by adds up, and the force is the same in both. The inertia
-    /// acts on the sum. Knots are rounded to the number type.
+    /// This law with `spring` in series: the elongations of memory and spring add up, and both have the same force. The inertia acts on the
+    /// sum. Knots are rounded to the number type.
     ///
     /// ```text
     /// x = y + e,      F = m ẍ + f,      f = S(e) = ∫ K(t − τ) dy(τ)
     /// ```
     ///
-    /// Films whose instantaneous elasticity stiffens while their creep stays proportional to the force are such films: the share of the creep
-    /// grows with the load, which no [curve before](Self::behind) or [spring beside](Self::beside) the memory describes. A memory that relaxes and a spring that
-    /// rises take work over every closed path, and so do both in series.
+    /// This describes films whose instantaneous elasticity stiffens while their creep stays proportional to the force: the share of the
+    /// creep grows with the load, which no [curve before](Self::behind) or [spring beside](Self::beside) the memory describes. A memory
+    /// that relaxes dissipates work over every closed path, also in series with a spring that rises.
     ///
     /// States of the law without it do not fit: make new ones.
     ///

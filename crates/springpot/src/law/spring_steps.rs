@@ -21,8 +21,9 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// F = m ẍ + E(x) + T'(x) · ∫ K(t − τ) dT(x(τ))
     /// ```
     ///
-    /// The weight makes force and strain measure work-conjugate: over a closed path the film takes the work that its memory takes. T is
-    /// most often of the family [`Measure`](crate::Measure). With a spring of no stiffness and T(x) = x this is the law as it was.
+    /// The weight makes force and strain measure work-conjugate: over a closed path the film dissipates the work that its memory
+    /// dissipates. T is most often of the family [`Measure`](crate::Measure). With a spring without stiffness and T(x) = x this law is
+    /// unchanged.
     ///
     /// States of the law without them do not fit: make new ones.
     ///

@@ -49,11 +49,11 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         self.state_after(&creep)
     }
 
-    /// The state of a film that has been held at `displacement` (m) for `duration_s`, at rest before: what
-    /// [`warm_up_along`](Law::warm_up_along) of that many equal displacements leaves, in closed form.
+    /// The state of a film that has been held at `displacement` (m) for `duration_s`, at rest before: in closed form, as after
+    /// [`warm_up_along`](Law::warm_up_along) with that many equal displacements.
     ///
-    /// With a spring in series its memory has been held, where the film ends at `displacement`. In a film that is held the memory gets there gradually, as the spring
-    /// relaxes, and remembers less.
+    /// With a spring in series the memory is taken as held, with the film at `displacement` at the end. In a film that is really held the
+    /// memory stretches gradually, as the spring relaxes, and remembers less.
     #[must_use]
     #[inline(never)]
     pub fn held(&self, displacement: T, duration_s: f64) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {

@@ -13,10 +13,9 @@ use crate::scalar::Scalar;
 /// The plain short-memory window: the Grünwald–Letnikov sum over the last `N` increments, in storage `B` of the caller
 /// (an array, a `&mut [T]`, or on a host a `Vec<T>`).
 ///
-/// This is the short-memory principle of the textbooks, for comparison. What happened before the window acts as a spring,
-/// so the film stops creeping after the length of the window: for orders near 0.2 a window of
-/// 10 s is wrong by three quarters of the response after 155 s. [`Compressed`](crate::Compressed) completes it with a
-/// tail.
+/// This is the short-memory principle of the textbooks, for comparison. Increments before the window act as a spring, so the film stops
+/// creeping after the length of the window: for orders near 0.2 a window of 10 s is wrong by three quarters of the response after 155 s.
+/// [`Compressed`](crate::Compressed) completes it with a tail.
 ///
 /// ```
 /// use springpot::{Law, LawOptions, Preset, Window};
