@@ -63,7 +63,7 @@ pub type FlightMemory = &'static mut [FlightSlot; FLIGHT_SLOTS];
 #[unsafe(link_section = ".kept")]
 static mut FLIGHT: [FlightSlot; FLIGHT_SLOTS] = [[0; 10]; FLIGHT_SLOTS];
 
-/// The flight recorder, with what it recorded before the reset. To be called once.
+/// The flight recorder, with the records from before the reset. To be called once.
 pub fn flight_recorder() -> FlightRecorder<FlightMemory> {
     // SAFETY: the start alone calls this, once, so that there is no other reference. Any bits make slots.
     FlightRecorder::new(unsafe { &mut *addr_of_mut!(FLIGHT) })

@@ -1,4 +1,4 @@
-//! The chip itself: what the images for QEMU have in `emulated.rs` instead.
+//! The chip itself; images for QEMU have `emulated.rs` instead.
 
 use dea_driver::{BlobError, Cause};
 
@@ -12,7 +12,7 @@ pub fn start() {}
 /// The timer starts the ticks.
 pub fn begin_tick() {}
 
-/// Reports what is wrong with the clocks; it is latched.
+/// Reports a fault of the clocks, which is latched.
 pub fn report(fault: ClockFault) -> Option<Cause> {
     defmt::error!("clock: {}", fault);
     Some(Cause::Clock)

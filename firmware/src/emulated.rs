@@ -5,10 +5,9 @@
 //!
 //! - QEMU's USART has no baud rate. Bytes arrive as fast as the host writes them, in interrupts above the tick. Here no more
 //!   are read in a tick than the line brings: QEMU keeps the next byte back until the last one has been read.
-//! - While the core sleeps, the chip's time follows the machine's. A machine that wakes the emulator late lets a tick start
-//!   late, or leaves out several. A tick that starts shortly before the next one is due would be taken for one that lasts too
-//!   long. Here the period begins anew with every tick, so that an overrun means what it means on a board: the tick itself
-//!   took longer than its period.
+//! - While the core sleeps, the chip's time follows the machine's. A machine that wakes the emulator late lets a tick start late, or leaves
+//!   out several. A tick that starts shortly before the next one is due would be taken for one that lasts too long. Here the period
+//!   restarts with every tick, so that an overrun is the same as on a board: the tick itself took longer than its period.
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
@@ -63,7 +62,7 @@ pub fn is_erased(_: Option<BlobError>) -> bool {
     true
 }
 
-/// A tick begins: its period starts now, and the line goes on.
+/// A tick begins: its period restarts, and the line may bring more bytes.
 pub fn begin_tick() {
     // SAFETY: writing the current value only restarts the counter, which the timer's owner reads as a shorter tick; no
     // time is measured across the start of a tick.

@@ -99,7 +99,7 @@ impl Film {
         self.checksum == controller.checksum()
     }
 
-    /// A tick under what the amplifier makes of `drive`.
+    /// A tick under the amplifier's output for `drive`.
     pub fn advance(&mut self, drive: Drive) {
         let code = DacCode::from_volts(drive.dac_v, drive.range);
         let given_v = self.amplifier.apply(code.volts(drive.range));

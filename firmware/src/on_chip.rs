@@ -150,7 +150,7 @@ impl Amplifier {
         held.map(drop)
     }
 
-    /// Checks that the DAC holds what it was sent last, and that its pin shows it. Returns the supply.
+    /// Checks that the DAC holds the last code, and that its pin shows it. Returns the supply, V.
     fn check(&self, sample: Option<Sample>) -> Result<f32, AmplifierError> {
         self.dac.check()?;
         let held = self.dac.held();

@@ -5,7 +5,7 @@ const KEY: *mut u32 = 0x4000_3000 as *mut u32;
 const PRESCALER: *mut u32 = 0x4000_3004 as *mut u32;
 const RELOAD: *mut u32 = 0x4000_3008 as *mut u32;
 const STATUS: *const u32 = 0x4000_300c as *const u32;
-/// Keys: the settings can be written, counting begins anew, and it begins for good.
+/// Keys: open the settings, restart the counter, start the watchdog.
 const OPEN: u32 = 0x5555;
 const FEED: u32 = 0xaaaa;
 const START: u32 = 0xcccc;

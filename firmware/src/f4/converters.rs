@@ -7,7 +7,7 @@ use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 
 /// The fastest clock of an ADC, Hz.
 const ADC_HZ: u32 = 36_000_000;
-/// How often an ADC is asked for its result, which is there by then.
+/// Polls of an ADC for its result, which is ready by then.
 const PATIENCE: u32 = 1000;
 /// Cycles of a conversion after sampling.
 const CONVERSION_CYCLES: u32 = 12;

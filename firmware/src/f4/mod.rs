@@ -23,7 +23,7 @@ pub const INTERRUPTS: usize = 82;
 /// Ticks that the flight recorder keeps: two seconds.
 pub const FLIGHT_SLOTS: usize = 2048;
 
-/// The chip's parts, for those who own them.
+/// The chip's parts.
 pub struct Chip {
     pub rcc: RCC,
     pub timer: Timer,
@@ -66,7 +66,7 @@ pub fn core_hz(rcc: &Rcc) -> u32 {
     rcc.clocks.hclk().raw()
 }
 
-/// Returns what differs from chip to chip.
+/// Returns a number that differs from chip to chip.
 #[allow(dead_code)] // QEMU has none
 pub fn id() -> u32 {
     let id = Uid::get();

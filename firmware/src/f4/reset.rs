@@ -32,7 +32,7 @@ pub fn cause(rcc: &RCC, panic_message: &Message) -> Option<Cause> {
     }
 }
 
-/// Checks what the option bytes leave out: a watchdog that starts with the chip, and a reset before the supply is too low for it.
+/// Checks the protections in the option bytes: a watchdog that starts with the chip, and a reset before the supply is too low.
 pub fn check_option_bytes(flash: &FLASH) -> Option<Cause> {
     let options = flash.optcr().read();
     let (by_software, too_low) = (options.wdg_sw().bit_is_set(), options.bor_lev().bits() != 0);

@@ -6,7 +6,7 @@ use stm32f4xx_hal::rcc::{BusTimerClock, Config, Rcc};
 
 /// The core, Hz.
 pub const CORE_HZ: u32 = 168_000_000;
-/// How often a ready bit is asked for: some 20 ms on the internal oscillator, ten times what a crystal takes.
+/// Polls of a ready bit: some 20 ms on the internal oscillator, ten times the start of a crystal.
 pub const PATIENCE: u32 = 50_000;
 
 /// Whether the crystal oscillates, once it is switched on.

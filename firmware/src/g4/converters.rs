@@ -15,7 +15,7 @@ use super::Rcc;
 const BOTH: [Adc; 2] = [ADC1, ADC2];
 /// The fastest clock of two ADCs, Hz.
 const ADC_HZ: u32 = 52_000_000;
-/// How often an ADC is asked for what is there by then.
+/// Polls of an ADC for a result that is ready by then.
 const PATIENCE: u32 = 1000;
 /// Cycles of a conversion after sampling, rounded up together with it.
 const CONVERSION_CYCLES: u32 = 13;

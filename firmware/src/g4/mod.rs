@@ -26,7 +26,7 @@ pub struct Rcc {
 /// The peripherals that a board may use: it takes its pins by their names, and its converters are in [`converters`].
 pub struct Parts(());
 
-/// The chip's parts, for those who own them.
+/// The chip's parts.
 pub struct Chip {
     pub rcc: Rcc,
     pub timer: Timer,
@@ -58,7 +58,7 @@ pub fn core_hz(rcc: &Rcc) -> u32 {
     rcc.core_hz
 }
 
-/// Returns what differs from chip to chip.
+/// Returns a number that differs from chip to chip.
 pub fn id() -> u32 {
     // SAFETY: the words that the factory has written can be read at any time.
     let word = |index: usize| unsafe { (0x1fff_7590 as *const u32).add(index).read_volatile() };

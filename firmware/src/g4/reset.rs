@@ -33,8 +33,7 @@ pub fn cause(_: &Rcc, panic_message: &Message) -> Option<Cause> {
     }
 }
 
-/// Checks what the option bytes leave out: a watchdog that starts with the chip, a reset before the supply is too low for it, and the two banks
-/// of the flash.
+/// Checks the option bytes: a watchdog that starts with the chip, a reset before the supply is too low, and two banks of flash.
 pub fn check_option_bytes(flash: &Flash) -> Option<Cause> {
     let options = flash.optr().read();
     let (by_software, too_low) = (options.idwg_sw(), options.bor_lev() != MAX_LEVEL);

@@ -13,7 +13,7 @@ use super::Rcc;
 const CORE_HZ: u32 = 170_000_000;
 /// The internal oscillator, Hz.
 pub const INTERNAL_HZ: u32 = 16_000_000;
-/// How often a ready bit is asked for: some 20 ms on the internal oscillator, ten times what a crystal takes.
+/// Polls of a ready bit: some 20 ms on the internal oscillator, ten times the start of a crystal.
 pub const PATIENCE: u32 = 50_000;
 /// The regulator's mode up to 150 MHz, in PWR_CR5. The library (21.0.0) has it in another place.
 const NORMAL_MODE: u32 = 1 << 8;

@@ -75,7 +75,7 @@ pub struct Amplifier<SPI, EN> {
     /// The bits of the power control register that are set.
     power: u16,
     enabled: bool,
-    /// Whether the DAC held what it was sent when it was read last.
+    /// Whether the last read-back of the DAC was correct.
     holds: bool,
     /// The last code that was written.
     code: DacCode,
@@ -209,7 +209,7 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
         checked
     }
 
-    /// Disables the amplifier and brings the command to 0 V: both are tried, whatever fails.
+    /// Disables the amplifier and brings the command to 0 V; tries both even if one fails.
     ///
     /// # Errors
     ///
@@ -226,7 +226,7 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
         self.spi.write(&[register, high, low]).map_err(|_| AmplifierError::Bus)
     }
 
-    /// The same, and what the frame before asked for.
+    /// The same, and returns the register that the frame before has requested.
     fn exchange(&mut self, register: u8, value: u16) -> Result<u16, AmplifierError> {
         let [high, low] = value.to_be_bytes();
         let mut frame = [register, high, low];

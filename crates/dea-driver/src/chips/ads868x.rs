@@ -10,8 +10,7 @@ const WRITE: u8 = 0xd0;
 const READ: u8 = 0xc8;
 /// The register of the fields that a frame carries with its sample.
 const DATAOUT_CTL: u8 = 0x10;
-/// The input range, in the four bits behind the sample. Alone: where more fields are asked for, their order differs between data
-/// sheets of the family.
+/// The input range, in the four bits behind the sample. Alone: the order of several fields differs between data sheets of the family.
 const RANGE_INCL: u16 = 1 << 8;
 /// The register of the input range.
 const RANGE_SEL: u8 = 0x14;

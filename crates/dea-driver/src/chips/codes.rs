@@ -122,7 +122,7 @@ pub struct Converters {
     pub current_v: Option<f32>,
     /// Their resolution.
     pub resolution: Resolution,
-    /// Largest values that the board allows, whatever its parameters state.
+    /// Largest values that parameters may state on this board.
     pub ceilings: Ceilings,
 }
 

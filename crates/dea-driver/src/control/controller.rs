@@ -105,7 +105,7 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     shares_per_m: f32,
     /// Displacement per slow change of the load where the film is softest, m/N.
     compliance_m_per_n: f32,
-    /// The displacement sensor, less what it reads of a film at rest.
+    /// The displacement sensor, less its reading of a film at rest.
     sensor: Calibration,
     sampler: Sampler,
     motion: Motion,
@@ -130,7 +130,7 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     /// Digests of all that does not change, once it is sealed.
     #[cfg(feature = "link")]
     digests: Option<intact::Digests>,
-    /// The film as the ticks estimate it, its reference, and what is learned of its cycles.
+    /// The estimated film, its reference, and its learned cycles.
     course: FollowerState<f32, Tracking<f32, M>>,
     /// The film as a sensor.
     film_sensor: FilmSensor,

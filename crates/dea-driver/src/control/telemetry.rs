@@ -92,7 +92,7 @@ pub struct Telemetry {
     pub displacement_m: f32,
     /// Displacement that the model predicts, corrected by the sensor, m.
     pub predicted_m: f32,
-    /// The shaped reference, without what was learned; of [`Mode::Voltage`] the prediction, m.
+    /// The shaped reference, without the learned correction, m; in [`Mode::Voltage`] the prediction.
     pub reference_m: f32,
     /// Correction learned from the reference's cycles and added to it, m.
     pub learned_m: f32,

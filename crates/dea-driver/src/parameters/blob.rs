@@ -1,5 +1,5 @@
-//! The parameters of a board as bytes: what `springpot export` writes and the `Store` keeps. The crate's `doc/blob.md`
-//! describes the format. No other file reads or writes a blob's header.
+//! The parameters of a board as bytes, as `springpot export` writes them and the `Store` keeps them. The crate's `doc/blob.md` describes
+//! the format. No other file reads or writes a blob's header.
 
 use springpot::{
     ActuatorError, Compressed, ControlError, Follower, Law, LawError, Learning, SelfSensingError, Tracking,
@@ -22,7 +22,7 @@ const MAX_MARGIN: f64 = 0.25;
 /// Largest length of a blob, bytes.
 pub const BLOB_LEN: usize = 1016;
 
-/// Parameters that were checked, with what is built from them: law, control and a disarmed supervisor.
+/// Checked parameters, with the law, control and disarmed supervisor that are built from them.
 ///
 /// ```
 /// use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters};
@@ -277,7 +277,7 @@ pub enum BlobError {
 }
 
 impl<M: ControllerMemory> Blob<M> {
-    /// Checks `parameters` of a board with [`Converters::AD5754_ADS868X`] and builds what a controller needs.
+    /// Checks `parameters` of a board with [`Converters::AD5754_ADS868X`] and builds law, control and supervisor.
     ///
     /// # Errors
     ///

@@ -54,7 +54,7 @@ pub(crate) fn digest_of(visit: impl FnOnce(&mut Fold)) -> u32 {
     fold.0
 }
 
-/// The digest of what `value` is made of.
+/// The digest of the serialised `value`.
 #[inline(never)]
 pub(crate) fn digest(value: &impl Serialize) -> u32 {
     // Nothing in memory fails to be written.

@@ -40,7 +40,7 @@ pub trait ControllerMemory: Memory<f32, History: Clone + Debug> + Clone + Debug 
     #[doc(hidden)]
     fn coefficients(law: &Law<f32, Self>) -> Self::Coefficients;
 
-    /// Visits what a tick of `follower` computes with.
+    /// Visits the constants of a tick of `follower`.
     #[doc(hidden)]
     fn numbers(follower: &Follower<f32, Tracking<f32, Self>>, take: &mut impl Numbers<f32>);
 

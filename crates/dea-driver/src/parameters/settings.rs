@@ -111,8 +111,8 @@ impl<M: ControllerMemory> Parameters<M> {
     }
 }
 
-/// How references are followed and the film is observed: [`CommandLimits`] and [`ObserverOptions`], apart from
-/// what the [`Limits`] state, and [`LearningOptions`].
+/// How references are followed and the film is observed: [`CommandLimits`] and [`ObserverOptions`], apart from values in the [`Limits`],
+/// and [`LearningOptions`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -162,7 +162,7 @@ impl<F: NorFlash, M: ControllerMemory> Store<F, M> {
         self.decode(bytes)?;
         let slots = self.newest_first()?;
         let valid = slots.into_iter().flatten().find(|slot| self.read(slot.index).is_ok());
-        // What was refused, such as sets of an earlier schema, is older than what is saved now.
+        // Refused sets, such as those of an earlier schema, are older than the one saved now.
         let newest = slots.into_iter().flatten().next();
         let sequence = newest.map_or(ALONE + 1, Slot::next);
         let index = match valid.or(newest) {

@@ -251,7 +251,7 @@ impl Limits {
             // Longer than a link pauses.
             ("heartbeat_s", self.heartbeat_s, 10.0),
             ("discharge_s", self.discharge_s, 60.0),
-            // It is also what counts as 0 V.
+            // Voltages within it count as 0 V.
             ("monitor.band_v", self.monitor.band_v, 0.1 * self.max_voltage_v),
             ("monitor.band_share", self.monitor.band_share, 0.5),
             ("monitor.settle_s", self.monitor.settle_s, 1.0),

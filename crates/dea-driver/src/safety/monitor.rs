@@ -33,7 +33,7 @@ pub struct Monitor {
     /// Ticks after an arc until which another one trips, and how many of them are left.
     watch_ticks: i32,
     watched: i32,
-    /// Once no more of them are left than this, the arc is over: what falls now is another one.
+    /// Once no more of them are left than this, the arc is over, and the next fall is another one.
     again_ticks: i32,
     /// Ticks by which a fall is made up for, and those that are missing: so many more for each fall, one less for every tick.
     made_up_ticks: i32,

@@ -4,7 +4,7 @@ use crate::safety::PlausibilityLimits;
 
 /// Blocks in `stuck_ticks`, and in the time over which a film is compared with its model.
 const BLOCKS: u8 = 10;
-/// A sensor is still if the model moves by this many times what the sensor does, and by more than this many bands.
+/// A sensor is still if the model moves by this many times as far, and by more than this many bands.
 const MOVES: f32 = 5.0;
 /// And by more than this share of its displacement: a film that is held while the voltage changes differs from its model by less.
 const MOVES_SHARE: f32 = 0.04;

@@ -59,7 +59,7 @@ pub enum Cause {
     Watchdog,
     /// The firmware panicked.
     Panic,
-    /// By the model, the commanded voltage moves the film beyond its limit, whatever the sensor shows.
+    /// By the model, the commanded voltage moves the film beyond its limit, even if the sensor does not show it.
     ModelDisplacement,
     /// While tracking, the model leaves more force unexplained than allowed, or more than a quarter of the stroke is learned of cycles, or as much of both
     /// together: the sensor drifts, has slipped or lost gain, or the film has changed.

@@ -26,8 +26,8 @@ pub struct Readings {
     pub open_loop_m: f32,
     /// Whether the model [moves](crate::Motion) and the displacement sensor does not.
     pub is_frozen: bool,
-    /// The force that the model leaves unexplained, with what is learned of cycles, as a share of the force at the largest voltage, of either sign; 0
-    /// where no sensor acts on the voltage.
+    /// The force that the model leaves unexplained, plus the learned correction of cycles, as a share of the force at the largest voltage,
+    /// of either sign; 0 where no sensor acts on the voltage.
     pub disturbance_share: f32,
 }
 
@@ -113,7 +113,7 @@ pub struct Supervisor {
 /// State of the self-test that has to pass before it is armed without limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum SelfTest {
-    /// It has passed, or is not asked for.
+    /// It has passed, or is not required.
     NotNeeded,
     Missing,
 }
@@ -295,7 +295,7 @@ impl Supervisor {
         self.state == DriverState::Running
     }
 
-    /// Checks the readings of a tick. Sensors are checked in every state; a fault trips what is armed or running.
+    /// Checks the readings of a tick. Sensors are checked in every state; a fault trips if armed or running.
     pub fn check(&mut self, readings: Readings) -> Tick {
         self.ticks = self.ticks.wrapping_add(1);
         self.ticks_since_heartbeat = self.ticks_since_heartbeat.saturating_add(1);
@@ -315,7 +315,7 @@ impl Supervisor {
             _ if !agrees => Some(Cause::Monitor),
             Some(fault) if trips => Some(Cause::Sensor(fault)),
             _ if beyond(displacement_m, self.max_displacement_m) => Some(Cause::Displacement),
-            // Only the estimate goes on without such a sensor: what it shows may still be the film.
+            // The estimate continues without such a sensor, but its reading may still be the film's.
             Some(_) if self.sensor.is_in_range(shown_m) && beyond(shown_m, self.max_displacement_m) => {
                 Some(Cause::Displacement)
             }

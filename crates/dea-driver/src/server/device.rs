@@ -46,7 +46,7 @@ pub struct Device<M: ControllerMemory = Compressed<f32>> {
     controller: Option<Controller<M>>,
     /// Why the last run ended, until it is acknowledged.
     latched: Option<Cause>,
-    /// Whether older parameters are in force than were saved last, and no host has acknowledged that.
+    /// Whether older parameters are in use than were saved last, and no host has acknowledged that.
     parameters_lost: bool,
     /// The next part of the controller whose memory is checked.
     checked: u8,
@@ -181,7 +181,7 @@ impl<M: ControllerMemory> Device<M> {
         self.controller.as_ref().map_or(before, |controller| controller.supervisor().state())
     }
 
-    /// Trips what is armed or running.
+    /// Trips if armed or running.
     pub fn trip(&mut self, cause: Cause) {
         if let Some(controller) = self.controller.as_mut().filter(|controller| controller.supervisor().enables()) {
             controller.trip(cause);
@@ -290,7 +290,7 @@ impl<M: ControllerMemory> Device<M> {
         Some(FlightRecord::new(telemetry, self.state()))
     }
 
-    /// The next record that the host asked for.
+    /// The next record of the stream for the host.
     pub fn telemetry(&mut self) -> Option<Telemetry> {
         self.stream.waiting.pop_front()
     }

@@ -55,7 +55,7 @@ impl<M: ControllerMemory> Device<M> {
     }
 }
 
-/// A tick of the loop test: codes in, codes out. What a host would ask for is asked for here, and may be refused.
+/// A tick of the loop test: codes in, codes out. It makes the requests of a host, which may be refused.
 fn tick_on_codes<M: ControllerMemory>(controller: &mut Controller<M>, mode: Mode, codes: TickCodes) -> Ticked {
     let volts = |code| Some(AdcCode(code).volts(AdcRange::default()));
     let _ = match controller.supervisor().state() {

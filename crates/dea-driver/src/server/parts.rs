@@ -1,4 +1,4 @@
-//! Conversion of the converters' errors to the states that a host can ask for.
+//! Conversion of the converters' errors to the states of [`Inspection`](crate::wire::Inspection).
 
 use crate::chips::{AdcError, AmplifierError};
 use crate::wire::Part;

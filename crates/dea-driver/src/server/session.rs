@@ -56,7 +56,7 @@ pub struct Session {
     token: u16,
     /// The newest number of a request with that token.
     newest: u32,
-    /// Whether the parameters in force are only tried.
+    /// Whether the parameters in use are only tried.
     on_trial: bool,
 }
 
@@ -226,7 +226,7 @@ impl Session {
         Ok(())
     }
 
-    /// Stores the parameters in force with what was learned of the film.
+    /// Stores the parameters in use with the learned changes of the film.
     #[inline(never)] // its room on the stack is not that of every request
     fn keep_adapted<M: ControllerMemory, B: Board<M>>(&mut self, board: &mut B) -> Result<(), Denial> {
         if self.on_trial {
@@ -242,7 +242,7 @@ impl Session {
         let before = board.with(|device| device.state()).0;
         board.with(Device::acknowledge).0?;
         if before == DriverState::Tripped(Cause::Parameters) {
-            // It is known now; what is tried since then is another trial.
+            // Acknowledged; parameters that are tried since then are another trial.
             self.try_out(self.on_trial, board);
         }
         Ok(())
@@ -373,7 +373,7 @@ enum Act {
 /// buffer on the way, or from another program that has recorded it.
 const WINDOW: u32 = 256;
 
-/// Whether a command could do harm if it were obeyed late or twice: not what asks, and not what leads to 0 V.
+/// Whether a command could do harm if it were obeyed late or twice: neither queries nor commands that lead to 0 V.
 fn acts(command: &Command) -> bool {
     !matches!(
         command,

@@ -41,7 +41,7 @@ impl Upload {
         Ok(())
     }
 
-    /// The room for a blob, without what was uploaded.
+    /// The room for a blob; discards the upload.
     pub fn room(&mut self) -> &mut [u8; BLOB_LEN] {
         self.length = 0;
         &mut self.bytes

@@ -166,7 +166,7 @@ pub enum Message {
         /// The answer.
         answer: Answer,
     },
-    /// The record of a tick, as [`Command::Stream`] asked for.
+    /// The record of a tick, after [`Command::Stream`].
     Telemetry(Telemetry),
 }
 

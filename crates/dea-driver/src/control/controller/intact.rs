@@ -14,7 +14,7 @@ impl<M: ControllerMemory> Controller<M> {
         self.digests = Some(self.digests());
     }
 
-    /// Whether a part of all that does not change is as it was sealed, and what changes is such as ticks leave it; parts are counted on and on.
+    /// Whether a part of the constants is as it was sealed, and the variables are within their bounds; `part` wraps.
     pub(crate) fn is_intact(&self, part: u8) -> bool {
         let part = usize::from(part) % PARTS;
         let sealed = self.digests.as_ref().and_then(|digests| digests.get(part));

@@ -26,7 +26,7 @@ impl<M: ControllerMemory> Controller<M> {
         }
     }
 
-    /// Trips, whatever the state: 0 V, amplifier disabled from the next tick on, targets cleared. The first cause stays.
+    /// Trips in every state: 0 V, amplifier disabled from the next tick on, targets cleared. The first cause stays.
     pub fn trip(&mut self, cause: Cause) {
         self.supervisor.trip(cause);
         self.clear_target();
@@ -166,7 +166,7 @@ impl<M: ControllerMemory> Controller<M> {
     ///
     /// # Errors
     ///
-    /// [`ControlError::OutOfRange`] for a [temperature](AdaptationOrder::Temperature) beyond what a law follows.
+    /// [`ControlError::OutOfRange`] for a [temperature](AdaptationOrder::Temperature) out of range.
     pub fn order_adaptation(&mut self, order: AdaptationOrder) -> Result<(), ControlError> {
         match order {
             AdaptationOrder::Learn { trip_at } => {

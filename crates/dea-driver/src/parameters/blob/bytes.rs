@@ -18,7 +18,7 @@ const USUAL_SIZES: [u8; 3] = [12, 12, 24];
 const STATES_SIZES: u8 = 1;
 /// Set there where the contents end with the voltage above which a self-test is needed. Firmware that does not know it refuses the blob.
 const STATES_SELF_TEST: u8 = 2;
-/// Set where what was learned of the film follows.
+/// Set where learned changes of the film follow.
 const STATES_ADAPTED: u8 = 4;
 
 /// Set where self-sensing follows.

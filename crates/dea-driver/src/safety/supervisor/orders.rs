@@ -80,7 +80,7 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Back to 0 V, amplifier disabled. Disarming what is disarmed is no error; a trip stays.
+    /// Back to 0 V, amplifier disabled. Not an error if disarmed already; a trip stays.
     ///
     /// # Errors
     ///
@@ -130,7 +130,7 @@ impl Supervisor {
         self.ticks_since_heartbeat = 0;
     }
 
-    /// Trips, whatever the state: 0 V, amplifier disabled. The first cause stays.
+    /// Trips in every state: 0 V, amplifier disabled. The first cause stays.
     pub fn trip(&mut self, cause: Cause) {
         self.command_v = 0.0;
         if !matches!(self.state, DriverState::Tripped(_)) {
