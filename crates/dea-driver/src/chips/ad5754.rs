@@ -82,15 +82,18 @@ pub struct Amplifier<SPI, EN> {
 }
 
 /// Why the amplifier did not follow. It is disabled then.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum AmplifierError {
     /// The transfer on the bus failed.
+    #[error("the transfer to the DAC failed: check its bus")]
     Bus,
     /// The enable output did not switch.
+    #[error("the enable output did not switch: check its pin and load")]
     Enable,
     /// The DAC does not hold the value that it was sent: it is missing, has lost its supply, or its SDO is not wired.
+    #[error("the DAC holds {found:#06x} instead of {wanted:#06x}: check its supply and the wiring of SDO")]
     Readback {
         /// The value that it was sent.
         wanted: u16,
@@ -98,6 +101,7 @@ pub enum AmplifierError {
         found: u16,
     },
     /// The DAC has no internal reference that could be switched on: it is no AD5754R. It needs one at REFIN, and [`Reference::External`].
+    #[error("the DAC has no internal reference: give it one at REFIN, and use Reference::External")]
     NoReference,
 }
 

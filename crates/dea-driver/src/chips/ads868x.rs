@@ -73,13 +73,15 @@ enum Frame {
 }
 
 /// Why an ADC has no reading.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum AdcError {
     /// The transfer on the bus failed.
+    #[error("the transfer from the ADC failed: check its bus")]
     Bus,
     /// The chip does not have the range that it was set to: it is missing, another one, or has lost its supply.
+    #[error("the ADC returns {found:#06x} instead of {wanted:#06x}: check its type, supply and wiring")]
     Range {
         /// The expected value: the register, or the part of a frame beside its sample.
         wanted: u16,
@@ -87,6 +89,7 @@ pub enum AdcError {
         found: u16,
     },
     /// It is being set up for the first time. After the first setup the previous fault is reported until a sample arrives.
+    #[error("the ADC is being set up: read it again in the next tick")]
     Starting,
 }
 

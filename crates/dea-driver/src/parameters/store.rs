@@ -7,6 +7,7 @@
 //! An erased slot does not show that it held a newer set. So both slots are in use from the first save on, and a set that is
 //! alone shows it.
 
+use core::fmt;
 use core::marker::PhantomData;
 
 use embedded_storage::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind};
@@ -62,19 +63,31 @@ pub struct Stored<M: ControllerMemory = Compressed<f32>> {
 }
 
 /// Why the store failed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum StoreError {
     /// The flash does not have two erasable parts that hold a slot, or writes in words of more than eight bytes.
+    #[error(
+        "the flash has no two erasable parts that hold a slot of {SLOT} bytes each, or writes words of more than 8 bytes"
+    )]
     Geometry,
     /// The flash failed.
+    #[error("the flash failed: {0}")]
     Flash(NorFlashErrorKind),
     /// No slot holds valid parameters; the fault of the newest slot, if one was ever written, [`BlobError::Truncated`] where a save
     /// that was cut off has left no more than a part of one.
+    #[error(fmt = no_parameters)]
     Empty(Option<BlobError>),
     /// The blob to be written was refused.
+    #[error("the blob is not stored: {0}")]
     Refused(BlobError),
+}
+
+#[allow(clippy::ref_option, clippy::trivially_copy_pass_by_ref)] // as the derive passes it
+fn no_parameters(fault: &Option<BlobError>, text: &mut fmt::Formatter) -> fmt::Result {
+    text.write_str("no parameters are stored")?;
+    fault.map_or(Ok(()), |fault| write!(text, " that can be read: {fault}"))
 }
 
 impl<F: NorFlash> Store<F> {

@@ -15,16 +15,20 @@ const STUFFING: usize = 1 + FRAME_LEN / 254;
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// Reasons to refuse a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FrameError {
     /// Its checksum does not match, or its stuffing is broken.
+    #[error("the frame is damaged: send it again")]
     Damaged,
     /// Longer than [`FRAME_LEN`].
+    #[error("the frame is longer than {FRAME_LEN} bytes")]
     TooLong,
     /// Another version of the protocol.
+    #[error("the frame has version {0} of the protocol, not {VERSION}: use a program of the same version")]
     Version(u8),
     /// A message that this version does not know.
+    #[error("the frame has a message that version {VERSION} does not know")]
     Unknown,
 }
 
