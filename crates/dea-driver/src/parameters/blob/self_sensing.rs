@@ -84,9 +84,12 @@ mod with_current {
                 }
             }
             if options.periods > Self::max_periods(options.step_s) {
-                let (periods, limit_s) = (options.periods, MAX_FAULT_S as f32);
-                let taken_s = FINDS_BLOCKS as f32 * interval_s + step_s;
-                return Err(BlobError::SlowSelfSensing { periods, rate_hz, taken_s, limit_s });
+                return Err(BlobError::SlowSelfSensing {
+                    periods: options.periods,
+                    rate_hz,
+                    taken_s: FINDS_BLOCKS as f32 * interval_s + step_s,
+                    limit_s: MAX_FAULT_S as f32,
+                });
             }
             Ok(())
         }
