@@ -2,9 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use crate::process::{Result, at, cargo, command, make, read, root, run as run_command, write};
+use crate::process::{Result, at, cargo, command, entries, make, name, read, root, run as run_command, write};
 use crate::setup;
 
 /// Builds the documentation in sources, and the book into target/book, and follows its links.
@@ -55,8 +55,7 @@ fn lay_out(docs: &Path, source: &Path) -> Result<()> {
         elsewhere.iter().fold(text, |text, link| text.replace(&format!("]({link}"), &format!("]({}", flat(link))))
     };
     for path in entries(docs)? {
-        let Some(name) = path.file_name() else { continue };
-        let to = source.join(name);
+        let to = source.join(name(&path));
         if path.extension().is_some_and(|extension| extension == "md") {
             write(&to, &moved(read(&path)?))?;
         } else if path.is_file() {
@@ -75,7 +74,7 @@ fn lay_out(docs: &Path, source: &Path) -> Result<()> {
 fn follow(built: &Path) -> Result<(usize, usize)> {
     let mut pages = BTreeMap::new();
     for path in entries(built)? {
-        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let name = name(&path);
         if name.ends_with(".html") && name != "print.html" && name != "404.html" {
             pages.insert(name, read(&path)?);
         }
@@ -110,14 +109,4 @@ fn follow(built: &Path) -> Result<(usize, usize)> {
     } else {
         Err(format!("links lead nowhere:\n{}", broken.join("\n")))
     }
-}
-
-fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
-    let entries = fs::read_dir(folder).map_err(at(folder))?;
-    let mut paths = entries
-        .map(|entry| entry.map(|entry| entry.path()))
-        .collect::<std::io::Result<Vec<_>>>()
-        .map_err(at(folder))?;
-    paths.sort();
-    Ok(paths)
 }

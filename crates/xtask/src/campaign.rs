@@ -87,7 +87,7 @@ fn bench() -> Result<()> {
 
 /// Builds the fuzzers and runs one after another, from the committed corpora on. What they find new stays below `target`.
 fn fuzz() -> Result<()> {
-    setup::cpp_compiler()?;
+    setup::ensure(setup::CPP_COMPILER)?;
     run_command(fuzzers("fmt --check"))?;
     run_command(fuzzers("build --release"))?;
     none(FUZZERS.into_iter().filter_map(|(fuzzer, longest)| fuzz_one(fuzzer, longest).err()))

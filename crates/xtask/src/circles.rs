@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
+use crate::process::{entries, root};
+
 /// The identifier that a token is.
 fn word(token: Option<&TokenTree>) -> Option<String> {
     if let Some(TokenTree::Ident(word)) = token { Some(word.to_string()) } else { None }
@@ -276,8 +278,7 @@ impl Crate {
 
 /// The roots of all crates below `folder`.
 fn roots(folder: &Path, all: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).expect("readable") {
-        let path = entry.expect("readable").path();
+    for path in entries(folder).expect("readable") {
         if path.is_dir() && !path.ends_with("target") && !path.ends_with(".git") {
             roots(&path, all);
         } else if path.ends_with("lib.rs") || path.ends_with("main.rs") {
@@ -288,7 +289,7 @@ fn roots(folder: &Path, all: &mut Vec<PathBuf>) {
 
 #[test]
 fn no_files_import_each_other_in_a_circle() {
-    let root = crate::process::root();
+    let root = root();
     let mut crates = Vec::new();
     roots(&root, &mut crates);
     assert!(crates.len() > 20, "{} crates", crates.len());

@@ -42,10 +42,7 @@ pub fn run(toolchain: &Toolchain, films: Films) -> Result<()> {
     let documents = Documents::read()?;
     let mut off = compare(&documents, "Cortex-M4F", &costs);
     off.extend(compare(&documents, "Cortex-M0", &steps(toolchain, cortex_m0, films)?));
-    let cycles = cycles::modelled(toolchain)?;
-    let cycles: BTreeMap<String, u64> =
-        cycles.into_iter().map(|(row, cycles)| (row.to_owned(), cycles as u64)).collect();
-    off.extend(compare(&documents, "cycles", &cycles));
+    off.extend(compare(&documents, "cycles", &cycles::modelled(toolchain)?));
     judge(&off)
 }
 

@@ -66,7 +66,7 @@ pub fn run(only: Option<Face>) -> Result<()> {
                 run_command(ignored(TOOL, "export_sfunction"))?;
             }
             Face::Fmu => {
-                setup::make()?;
+                setup::ensure(setup::MAKE)?;
                 let python = environment(&root().join("target").join("faces").join("fmu"))?;
                 run_command(pip(&python, "install", &["--requirement", "host-sim/emit/tests/fmu/requirements.txt"]))?;
                 let mut tests = ignored(TOOL, "export_fmu");

@@ -7,18 +7,19 @@ use crate::process::{Result, at, cargo, output, root, run as run_command};
 use crate::setup::{TARGETS, Toolchain, built};
 
 /// An image: the program in `firmware`, what it is for, and the options of its build.
-struct Image {
-    program: &'static str,
+pub struct Image {
+    pub program: &'static str,
     what: &'static str,
-    options: &'static str,
+    pub options: &'static str,
 }
 
 const F4: &str = "--no-default-features --features stm32f4";
 const G4: &str = "--no-default-features --features stm32g4";
-const BOARDS: [Image; 3] = [
-    Image { program: "firmware", what: "an STM32-H405", options: F4 },
-    Image { program: "stm32f407-discovery", what: "an STM32F4DISCOVERY", options: F4 },
-    Image { program: "nucleo-g474re", what: "a NUCLEO-G474RE", options: G4 },
+/// The images for boards, with the names of the boards in a release.
+pub const BOARDS: [(Image, &str); 3] = [
+    (Image { program: "firmware", what: "an STM32-H405", options: F4 }, "stm32f405"),
+    (Image { program: "stm32f407-discovery", what: "an STM32F4DISCOVERY", options: F4 }, "stm32f407-discovery"),
+    (Image { program: "nucleo-g474re", what: "a NUCLEO-G474RE", options: G4 }, "nucleo-g474re"),
 ];
 const QEMU: Image = Image { program: "qemu", what: "QEMU", options: "" };
 const VIRTUAL_BOARD: Image = Image {
@@ -39,7 +40,7 @@ pub fn virtual_board(toolchain: &Toolchain) -> Result<PathBuf> {
 
 /// The lints of all images.
 pub fn lint(toolchain: &Toolchain) -> Result<()> {
-    for image in BOARDS.iter().chain([&QEMU, &VIRTUAL_BOARD]) {
+    for image in BOARDS.iter().map(|(image, _)| image).chain([&QEMU, &VIRTUAL_BOARD]) {
         toolchain.lint(&folder(), TARGETS[0], &format!("--bin {} {}", image.program, image.options))?;
     }
     Ok(())
@@ -49,7 +50,7 @@ pub fn lint(toolchain: &Toolchain) -> Result<()> {
 pub fn images(toolchain: &Toolchain) -> Result<()> {
     build(toolchain, &QEMU)?;
     let virtual_board = build(toolchain, &VIRTUAL_BOARD)?;
-    for board in &BOARDS {
+    for (board, _) in &BOARDS {
         no_virtual_bench_on_a_board(&build(toolchain, board)?, &virtual_board)?;
     }
     Ok(())

@@ -1,10 +1,9 @@
 //! Lints of all code, on the host and for the chips.
 
-use std::fs;
 use std::path::Path;
 
 use crate::packages::LIBRARIES;
-use crate::process::{Result, at, cargo, format, read, root, run as run_command};
+use crate::process::{Result, cargo, entries, format, read, root, run as run_command};
 use crate::programs::QEMU;
 use crate::setup::{OTHER_TARGETS, TARGETS, toolchain};
 use crate::{embedded, firmware, other_board, packages};
@@ -57,8 +56,7 @@ pub fn run() -> Result<()> {
 }
 
 fn no_tests_in(folder: &Path) -> Result<()> {
-    for entry in fs::read_dir(folder).map_err(at(folder))? {
-        let path = entry.map_err(at(folder))?.path();
+    for path in entries(folder)? {
         if path.is_dir() {
             no_tests_in(&path)?;
         } else if read(&path)?.contains("#[test]") {

@@ -144,14 +144,12 @@ fn main() -> ExitCode {
         Chore::Page => page::run(),
         Chore::Book => book::run(),
         Chore::Release { twice, again, target } => {
-            let making = if twice {
-                Making::Twice
-            } else if again {
-                Making::Again
-            } else {
-                Making::Once
+            let making = match (twice, again) {
+                (true, _) => Making::Twice,
+                (_, true) => Making::Again,
+                _ => Making::Once,
             };
-            release::run(target.as_deref(), &making)
+            release::run(target.as_deref(), making)
         }
         Chore::Deny => advisories::deny(),
     };

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 use std::{fmt, fs};
 
-use crate::process::{Result, at, cargo, make, output, read, root, write};
+use crate::process::{Result, at, cargo, entries, make, name, output, read, root, write};
 
 /// The list of those by hand, and of those that survive, relative to the root.
 const LIST: &str = ".cargo/mutants.txt";
@@ -110,10 +110,7 @@ fn generated() -> Result<Vec<Mutant>> {
             files.push(source.to_owned());
             continue;
         }
-        for entry in fs::read_dir(&path).map_err(at(&path))? {
-            let name = entry.map_err(at(&path))?.file_name();
-            files.push(format!("{source}/{}", name.to_string_lossy()));
-        }
+        files.extend(entries(&path)?.iter().map(|path| format!("{source}/{}", name(path))));
     }
     files.sort();
     let mut mutants = Vec::new();

@@ -11,15 +11,13 @@ const PAGE: &str = "docs/own-board.md";
 /// Builds the example for every core that it knows and as a program of this host, and runs it: it does what it must and prints
 /// what its page states.
 pub fn everywhere(toolchain: &Toolchain) -> Result<()> {
-    OTHER_TARGETS.iter().try_for_each(|target| on_chip(toolchain, target))?;
+    for target in OTHER_TARGETS {
+        judge(target, &output(toolchain.cargo(&folder(), target, "run --quiet --release --locked"))?)?;
+    }
     let tuple = output(command("rustc", &["--print", "host-tuple"]))?;
     let mut host = cargo(&format!("run --quiet --release --locked --target {}", tuple.trim()));
     host.current_dir(folder()).env("CARGO_TARGET_DIR", built());
     judge("this host", &output(host)?)
-}
-
-fn on_chip(toolchain: &Toolchain, target: &str) -> Result<()> {
-    judge(target, &output(toolchain.cargo(&folder(), target, "run --quiet --release --locked"))?)
 }
 
 /// Where it is.

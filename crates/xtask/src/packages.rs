@@ -1,9 +1,9 @@
 //! The libraries as packages: their features, what a registry would get, and what their tests build.
 
-use std::path::{Path, PathBuf};
-use std::{env, fs, io};
+use std::path::Path;
+use std::{fs, io};
 
-use crate::process::{Result, cargo, output, read, root, run as run_command};
+use crate::process::{Result, cargo, entries, home, name, output, read, root, run as run_command};
 
 /// The libraries: they are checked with every feature, and packaged.
 pub const LIBRARIES: [&str; 2] = ["springpot", "dea-driver"];
@@ -69,28 +69,20 @@ const TARGET: &str = "target/packages";
 /// Removes what an earlier run unpacked and built. Cargo takes a package of the same version for the same package: the driver would be
 /// built on what the other library was then.
 fn forget_unpacked() -> Result<()> {
-    let failed = |error: io::Error| format!("cannot remove what an earlier run unpacked: {error}");
     let removed = |path: &Path| match fs::remove_dir_all(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(failed(error)),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            Err(format!("cannot remove what an earlier run unpacked: {error}"))
+        }
         _ => Ok(()),
     };
     removed(&root().join(TARGET))?;
-    let Some(home) = env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| Some(env::home_dir()?.join(".cargo")))
-    else {
-        return Ok(());
-    };
+    let Some(home) = home("CARGO_HOME", ".cargo") else { return Ok(()) };
     // Registries without a name are those that `cargo package` makes for itself.
-    let Ok(registries) = fs::read_dir(home.join("registry").join("src")) else { return Ok(()) };
-    for registry in registries {
-        let registry = registry.map_err(failed)?;
-        if !registry.file_name().to_string_lossy().starts_with('-') {
-            continue;
-        }
-        for package in fs::read_dir(registry.path()).map_err(failed)? {
-            let package = package.map_err(failed)?;
-            let name = package.file_name().to_string_lossy().into_owned();
-            if LIBRARIES.iter().any(|library| name.strip_prefix(library).is_some_and(|rest| rest.starts_with('-'))) {
-                removed(&package.path())?;
+    let registries = entries(&home.join("registry").join("src")).unwrap_or_default();
+    for registry in registries.iter().filter(|registry| name(registry).starts_with('-')) {
+        for package in entries(registry)? {
+            if LIBRARIES.iter().any(|library| name(&package).starts_with(&format!("{library}-"))) {
+                removed(&package)?;
             }
         }
     }

@@ -1,6 +1,6 @@
 //! The page of a demo in a browser: everything is drawn, nothing is reported to the console, and the numbers are those of `--json`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use crate::process::{Result, cargo, command, make, output, read, root, write};
@@ -100,20 +100,11 @@ fn check_look(browser: &str, folder: &Path, page: &Path, checked: &Path, (name, 
 }
 
 fn headless(browser: &str, folder: &Path, page: &Path, options: &[&str]) -> Command {
-    let profile: PathBuf = folder.join("profile");
-    let fixed = [
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--hide-scrollbars",
-        "--enable-logging=stderr",
-        "--virtual-time-budget=10000",
-    ];
-    let mut browser = command(browser, &fixed);
-    browser
-        .args(options)
-        .arg(format!("--user-data-dir={}", profile.display()))
-        .arg(format!("file://{}", page.display()));
+    let fixed =
+        "--headless --no-sandbox --disable-gpu --hide-scrollbars --enable-logging=stderr --virtual-time-budget=10000";
+    let mut browser = command(browser, &fixed.split(' ').collect::<Vec<_>>());
+    browser.args(options).arg(format!("--user-data-dir={}", folder.join("profile").display()));
+    browser.arg(format!("file://{}", page.display()));
     browser
 }
 

@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::{env, fs};
+use std::{env, fs, io};
 
 /// A chore's result: the error is the message for the user.
 pub type Result<T> = std::result::Result<T, String>;
@@ -77,6 +77,24 @@ pub fn read(path: &Path) -> Result<String> {
 
 pub fn write(path: &Path, text: &str) -> Result<()> {
     fs::write(path, text).map_err(at(path))
+}
+
+/// The paths in a folder, sorted.
+pub fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
+    let paths = |entries: fs::ReadDir| entries.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<PathBuf>>>();
+    let mut paths = fs::read_dir(folder).and_then(paths).map_err(at(folder))?;
+    paths.sort();
+    Ok(paths)
+}
+
+/// The name of a file or a folder.
+pub fn name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// The folder that a `variable` such as CARGO_HOME names, or the one of this `name` at home.
+pub fn home(variable: &str, name: &str) -> Option<PathBuf> {
+    env::var_os(variable).map(PathBuf::from).or_else(|| Some(env::home_dir()?.join(name)))
 }
 
 /// Makes a folder and those that it is in.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs, io};
 
-use crate::process::{Result, at, command, make, output, read, root, run as run_command, write};
+use crate::process::{Result, at, command, entries, home, make, name, output, read, root, run as run_command, write};
 use crate::setup;
 use builds::{SYSTEMS, Source, System};
 
@@ -41,6 +41,7 @@ const FILES: [&str; 20] = [
 const TOOLS: [(&str, &str); 2] = [("cargo-auditable", "0.7.7"), ("cargo-cyclonedx", "0.5.9")];
 
 /// How often the files of a release are made.
+#[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Making {
     /// The files, in target/dist/files.
     Once,
@@ -55,7 +56,7 @@ const FIRST: [&str; 2] = ["source", "files"];
 const SECOND: [&str; 2] = ["another-folder/with-a-longer-name", "files-again"];
 
 /// Makes all files, or of the tool alone that of the system `only`.
-pub fn run(only: Option<&str>, making: &Making) -> Result<()> {
+pub fn run(only: Option<&str>, making: Making) -> Result<()> {
     let systems: Vec<&System> = SYSTEMS.iter().filter(|system| only.is_none_or(|only| only == system.target)).collect();
     let targets: Vec<&str> = systems.iter().map(|system| system.target).collect();
     if targets.is_empty() {
@@ -63,7 +64,7 @@ pub fn run(only: Option<&str>, making: &Making) -> Result<()> {
     }
     let dist = root().join("target").join("dist");
     let made = |[folder, out]: [&str; 2]| files(&systems, only.is_none(), dist.join(folder), &dist.join(out));
-    if matches!(making, Making::Again) {
+    if making == Making::Again {
         return made(SECOND).map(drop);
     }
     if targets.contains(&WINDOWS) && dist.to_string_lossy().contains(' ') {
@@ -71,14 +72,14 @@ pub fn run(only: Option<&str>, making: &Making) -> Result<()> {
     }
     setup::toolchain(&targets)?;
     if targets.contains(&WINDOWS) {
-        setup::windows_linker()?;
+        setup::ensure(setup::WINDOWS_LINKER)?;
     }
     for (tool, version) in TOOLS {
         setup::tool(tool, version, "")?;
     }
     let sums = made(FIRST)?;
     println!("{sums}");
-    if matches!(making, Making::Twice) {
+    if making == Making::Twice {
         run_command(as_another_user(only, &dist)?)?;
         let again = read(&dist.join(SECOND[1]).join("SHA256SUMS"))?;
         let differ = sums.lines().zip(again.lines()).find(|(one, other)| one != other);
@@ -94,8 +95,8 @@ pub fn run(only: Option<&str>, making: &Making) -> Result<()> {
 fn as_another_user(only: Option<&str>, dist: &Path) -> Result<Command> {
     let user = ["unshare", "--user", "--map-user=1000", "--map-group=1000"];
     let is_allowed = output(command(user[0], &[&user[1..], &["true"]].concat())).is_ok();
-    let home = dist.join("home");
-    make(&home)?;
+    let other_home = dist.join("home");
+    make(&other_home)?;
     let mut again = command("sh", &["-c", "umask 077; exec \"$@\"", "sh"]);
     if is_allowed {
         again.args(user);
@@ -104,14 +105,13 @@ fn as_another_user(only: Option<&str>, dist: &Path) -> Result<Command> {
             "no other user is possible on this system: the second time differs by home, umask, language and local time"
         );
     }
-    again.arg(env::current_exe().map_err(at(&home))?).args(["release", "--again"]);
+    again.arg(env::current_exe().map_err(at(&other_home))?).args(["release", "--again"]);
     again.args(only.iter().flat_map(|target| ["--target", target]));
     for (variable, folder) in [("CARGO_HOME", ".cargo"), ("RUSTUP_HOME", ".rustup")] {
-        let known = env::var_os(variable).map(PathBuf::from);
-        again.env(variable, known.or_else(|| Some(env::home_dir()?.join(folder))).unwrap_or_default());
+        again.env(variable, home(variable, folder).unwrap_or_default());
     }
     again.envs([("USER", "another"), ("LOGNAME", "another"), ("LC_ALL", "C.UTF-8"), ("TZ", "<+14>-14")]);
-    again.env("HOME", &home);
+    again.env("HOME", &other_home);
     Ok(again)
 }
 
@@ -179,10 +179,9 @@ fn crates(source: &Source, out: &Path) -> Result<()> {
     let line = "package --quiet --no-verify --allow-dirty --package springpot --package dea-driver";
     run_command(source.cargo(line))?;
     let folder = source.target().join("package");
-    for entry in fs::read_dir(&folder).map_err(at(&folder))? {
-        let path = entry.map_err(at(&folder))?.path();
+    for path in entries(&folder)? {
         if path.extension().is_some_and(|end| end == "crate") {
-            copy(&path, &out.join(path.file_name().unwrap_or_default()))?;
+            copy(&path, &out.join(name(&path)))?;
         }
     }
     Ok(())
@@ -200,9 +199,8 @@ fn libraries(source: &Source, out: &Path) -> Result<()> {
         output(export)?;
     }
     let scripts = source.root.join("matlab");
-    for entry in fs::read_dir(&scripts).map_err(at(&scripts))? {
-        let path = entry.map_err(at(&scripts))?.path();
-        copy(&path, &matlab.join(path.file_name().unwrap_or_default()))?;
+    for path in entries(&scripts)? {
+        copy(&path, &matlab.join(name(&path)))?;
     }
     for name in ["LICENSE-MIT", "LICENSE-APACHE"] {
         copy(&source.root.join(name), &arduino.join(name))?;
@@ -214,10 +212,7 @@ fn libraries(source: &Source, out: &Path) -> Result<()> {
 
 /// The files in `out` are those of a release.
 fn complete(out: &Path) -> Result<()> {
-    let entries = fs::read_dir(out).map_err(at(out))?;
-    let mut found: Vec<String> =
-        entries.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned())).collect();
-    found.sort();
+    let found: Vec<String> = entries(out)?.iter().map(|path| name(path)).collect();
     let wanted = FILES.map(|name| name.replace("VERSION", env!("CARGO_PKG_VERSION")));
     if found == wanted { Ok(()) } else { Err(format!("the files of a release are {wanted:?}, not {found:?}")) }
 }

@@ -225,30 +225,27 @@ fn qemu() -> Result<()> {
     install(None).or_else(|_| install(Some("backports")))
 }
 
-/// Installs the linker of Windows executables, if it is missing.
-pub fn windows_linker() -> Result<()> {
-    ensure(&[("x86_64-w64-mingw32-gcc", &["gcc-mingw-w64-x86-64"])])
-}
+/// Programs, each with the packages that have it.
+pub type Programs<'a> = &'a [(&'a str, &'a [&'a str])];
 
-/// Installs Wine, if it is missing.
-pub fn wine() -> Result<()> {
-    ensure(&[("wine", &["wine", "wine64"])])
-}
+/// The linker of Windows executables.
+pub const WINDOWS_LINKER: Programs = &[("x86_64-w64-mingw32-gcc", &["gcc-mingw-w64-x86-64"])];
+/// Wine, for the Windows executable.
+pub const WINE: Programs = &[("wine", &["wine", "wine64"])];
+/// The compiler for libFuzzer.
+pub const CPP_COMPILER: Programs = &[("c++", &["g++"])];
+/// Compiler and make for an FMU that is built anew.
+pub const MAKE: Programs = &[("gcc", &["gcc", "libc6-dev"]), ("make", &["make"])];
 
-/// Installs what is missing of these programs with their packages.
-fn ensure(needed: &[(&str, &[&str])]) -> Result<()> {
+/// Installs what is missing of these programs.
+pub fn ensure(needed: Programs) -> Result<()> {
     needed.iter().try_for_each(|(program, packages)| need(program, || has(program), packages, None))
-}
-
-/// Installs the compiler for libFuzzer.
-pub fn cpp_compiler() -> Result<()> {
-    ensure(&[("c++", &["g++"])])
 }
 
 /// Installs what compiles the emitted C and runs it: gcc and clang with their sanitizers, cross-compilers for Cortex-M and RISC-V with their C
 /// libraries, QEMU with boards of both.
 pub fn c_compilers() -> Result<()> {
-    cpp_compiler()?;
+    ensure(CPP_COMPILER)?;
     // Clang's sanitizers are a package of their own.
     let sanitizes = || {
         let folder = output(command("clang", &["-print-runtime-dir"])).unwrap_or_default();
@@ -272,7 +269,7 @@ pub fn qemu_for_both() -> Result<()> {
 
 /// Octave, what builds MEX functions for it, and what draws without a window, installed if they are missing.
 pub fn octave() -> Result<()> {
-    cpp_compiler()?;
+    ensure(CPP_COMPILER)?;
     // mkoctfile's headers, and what draws: packages of their own, which Debian's Octave only recommends. PNG takes gnuplot and Ghostscript.
     ensure(&[
         ("octave-cli", &["octave"]),
@@ -286,11 +283,6 @@ pub fn octave() -> Result<()> {
         output(command("octave-cli", &script)).is_ok()
     };
     need("a font for Octave", draws, &["fonts-freefont-otf"], None)
-}
-
-/// A C compiler and make, installed if they are missing.
-pub fn make() -> Result<()> {
-    ensure(&[("gcc", &["gcc", "libc6-dev"]), ("make", &["make"])])
 }
 
 /// A Python that makes environments, installed if it is missing.
@@ -392,6 +384,7 @@ fn add_suite(suite: &str) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::process::entries;
 
     #[test]
     fn nothing_is_installed_against_an_answer_or_the_option() {
@@ -410,7 +403,7 @@ mod tests {
     fn nothing_is_installed_from_a_shared_folder() {
         let mut folders = vec![root().join("crates/xtask/src")];
         while let Some(folder) = folders.pop() {
-            for entry in fs::read_dir(&folder).expect("it is there").map(|entry| entry.expect("an entry").path()) {
+            for entry in entries(&folder).expect("it is there") {
                 if entry.is_dir() {
                     folders.push(entry);
                 } else if !entry.ends_with("circles.rs") {

@@ -5,7 +5,8 @@ use std::process::Command;
 use std::{env, fs};
 
 use super::tools;
-use crate::process::{Result, at, cargo, read, root, run as run_command, write};
+use crate::firmware::{BOARDS, Image};
+use crate::process::{Result, at, cargo, home, read, root, run as run_command, write};
 use crate::{python, setup};
 
 /// The systems of the command-line tool.
@@ -81,7 +82,7 @@ impl Source {
 
     /// The compiler's options that keep folders out of what it writes.
     fn remap(&self) -> Vec<String> {
-        let home = env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| Some(env::home_dir()?.join(".cargo")));
+        let home = home("CARGO_HOME", ".cargo");
         let remap = |from: &Path, to: &str| format!("--remap-path-prefix={}={to}", from.display());
         vec![remap(&self.folder, "/build"), remap(&home.unwrap_or_default(), "/cargo")]
     }
@@ -144,28 +145,14 @@ pub fn wheels(source: &Source, out: &Path) -> Result<()> {
         System { target: "x86_64-unknown-linux-gnu", linker: None, flags: "-C strip=symbols", end: "" };
     for (system, options) in [(&LINUX, "--zig --compatibility manylinux2014"), (&SYSTEMS[2], "")] {
         let mut build = Command::new("maturin");
-        build.args([
-            "build",
-            "--release",
-            "--locked",
-            "--manifest-path",
-            "python/Cargo.toml",
-            "--target",
-            system.target,
-        ]);
-        build.args(options.split_whitespace()).arg("--out").arg(out);
+        let line =
+            format!("build --release --locked --manifest-path python/Cargo.toml --target {} {options}", system.target);
+        build.args(line.split_whitespace()).arg("--out").arg(out);
         build.arg("--sbom-include").arg(&materials);
         run_command(source.linked(source.prepared(build), system))?;
     }
     Ok(())
 }
-
-/// Programs of the firmware, their boards, and the families of their chips.
-const BOARDS: [(&str, &str, &str); 3] = [
-    ("firmware", "stm32f405", "stm32f4"),
-    ("stm32f407-discovery", "stm32f407-discovery", "stm32f4"),
-    ("nucleo-g474re", "nucleo-g474re", "stm32g4"),
-];
 
 /// Builds the firmware for each board, and returns the images with the names of the boards.
 pub fn firmware(source: &Source) -> Result<Vec<(PathBuf, &'static str)>> {
@@ -173,8 +160,8 @@ pub fn firmware(source: &Source) -> Result<Vec<(PathBuf, &'static str)>> {
     let toolchain = setup::toolchain(&[target])?;
     source.enclose("firmware")?;
     let flags: Vec<String> = source.remap().iter().map(|flag| format!("'{flag}'")).collect();
-    for (program, _, family) in BOARDS {
-        let line = format!("build --release --locked --bin {program} --no-default-features --features {family}");
+    for (Image { program, options, .. }, _) in BOARDS {
+        let line = format!("build --release --locked --bin {program} {options}");
         let mut build = toolchain.cargo(&source.root.join("firmware"), target, &line);
         build
             .arg("--config")
@@ -183,13 +170,13 @@ pub fn firmware(source: &Source) -> Result<Vec<(PathBuf, &'static str)>> {
         run_command(build)?;
     }
     let folder = source.target().join(target).join("release");
-    Ok(BOARDS.map(|(program, board, _)| (folder.join(program), board)).to_vec())
+    Ok(BOARDS.map(|(image, board)| (folder.join(image.program), board)).to_vec())
 }
 
 /// The Windows executable alone, of the sources as they are.
 pub fn windows() -> Result<PathBuf> {
     setup::toolchain(&[WINDOWS])?;
-    setup::windows_linker()?;
+    setup::ensure(setup::WINDOWS_LINKER)?;
     let mut build = cargo(&format!("build --release --locked --package host-sim --bin springpot --target {WINDOWS}"));
     build.env("CARGO_TARGET_X86_64_PC_WINDOWS_GNU_LINKER", MINGW);
     run_command(build)?;

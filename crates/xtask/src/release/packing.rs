@@ -8,7 +8,7 @@ use crc::{CRC_32_JAMCRC, Crc};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use crate::process::{Result, at};
+use crate::process::{Result, at, entries};
 
 /// Packs `folder`, sorted by names, with the same date and permissions for all files.
 pub fn archive(folder: &Path, to: &Path) -> Result<()> {
@@ -32,8 +32,7 @@ pub fn archive(folder: &Path, to: &Path) -> Result<()> {
 }
 
 fn list(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
-    for entry in fs::read_dir(folder).map_err(at(folder))? {
-        let path = entry.map_err(at(folder))?.path();
+    for path in entries(folder)? {
         if path.is_dir() { list(&path, files)? } else { files.push(path) }
     }
     Ok(())
