@@ -45,3 +45,8 @@ pub const HEADER: &str = concat!(
 
 /// `springpot_tick.h`: the tick of a film or of a law of control, which MATLAB, Simulink and FMUs step; the same for every film.
 const TICK: &str = include_str!("../matlab/springpot_tick.h");
+
+/// A template with the film's symbol, its name and the version of this tool.
+fn filled(template: &str, symbol: &str, name: &str) -> String {
+    template.replace("@SYMBOL@", symbol).replace("@NAME@", name).replace("@VERSION@", env!("CARGO_PKG_VERSION"))
+}

@@ -1,6 +1,6 @@
 //! A film for MATLAB, Octave and Simulink: a MEX gateway and an S-function, with the tick that both step.
 
-use crate::{Film, HEADER, TICK, film};
+use crate::{Film, HEADER, TICK, filled, film};
 
 /// Files by their names, for a film that is exported as `name`.c: the film, the headers, `name`_mex.c and `name`_sfun.c.
 ///
@@ -23,11 +23,6 @@ pub fn is_name(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_alphabetic())
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
         && name.len() <= 58
-}
-
-/// A template with the film's symbol, its name and the version of this tool.
-fn filled(template: &str, symbol: &str, name: &str) -> String {
-    template.replace("@SYMBOL@", symbol).replace("@NAME@", name).replace("@VERSION@", env!("CARGO_PKG_VERSION"))
 }
 
 const MEX: &str = include_str!("../matlab/mex.c");

@@ -8,20 +8,10 @@ use super::{Described, Version};
 const HEAD: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
 
 /// Units: all that the variables have, by SI base units, and what people read instead.
-const UNITS: &str = "  <UnitDefinitions>
-    <Unit name=\"s\"><BaseUnit s=\"1\"/></Unit>
-    <Unit name=\"m\"><BaseUnit m=\"1\"/><DisplayUnit name=\"mm\" factor=\"1000\"/></Unit>
-    <Unit name=\"N\"><BaseUnit kg=\"1\" m=\"1\" s=\"-2\"/></Unit>
-    <Unit name=\"V\"><BaseUnit kg=\"1\" m=\"2\" s=\"-3\" A=\"-1\"/><DisplayUnit name=\"kV\" factor=\"0.001\"/></Unit>
-    <Unit name=\"degC\"><BaseUnit K=\"1\" offset=\"273.15\"/></Unit>
-    <Unit name=\"1\"><BaseUnit/></Unit>
-  </UnitDefinitions>
-";
+const UNITS: &str = include_str!("../../fmu/units.xml");
 
-const LOG_CATEGORIES: &str = "  <LogCategories>
-    <Category name=\"logStatusError\" description=\"A call that was refused; nothing was done\"/>
-  </LogCategories>
-";
+/// Categories of messages.
+const LOG_CATEGORIES: &str = include_str!("../../fmu/log_categories.xml");
 
 /// `modelDescription.xml`.
 pub(super) fn model(of: &Described) -> String {

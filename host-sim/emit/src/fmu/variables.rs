@@ -71,84 +71,68 @@ const fn real(unit: &'static str, shown: Option<&'static str>, start: &'static s
     Kind::Real { unit, shown, start }
 }
 
-const fn variable(name: &'static str, causality: Causality, kind: Kind, description: &'static str) -> Variable {
-    Variable { name, causality, kind, description }
+const fn parameter(name: &'static str, kind: Kind, description: &'static str) -> Variable {
+    Variable { name, causality: Causality::Parameter, kind, description }
 }
 
-use Causality::{Input, Output, Parameter};
+const fn input(name: &'static str, kind: Kind, description: &'static str) -> Variable {
+    Variable { name, causality: Causality::Input, kind, description }
+}
+
+const fn output(name: &'static str, kind: Kind, description: &'static str) -> Variable {
+    Variable { name, causality: Causality::Output, kind, description }
+}
 
 /// All but the time, whose reference is 0, in the order of their references from 1.
 pub(super) const VARIABLES: [Variable; 22] = [
-    variable("mode", Parameter, Kind::Choice, "What this FMU is"),
-    variable("learning", Parameter, Kind::Flag, "Feedforward, tracking: the errors of periodic references are learned"),
-    variable(
+    parameter("mode", Kind::Choice, "What this FMU is"),
+    parameter("learning", Kind::Flag, "Feedforward, tracking: the errors of periodic references are learned"),
+    parameter(
         "applied_is_given",
-        Parameter,
         Kind::Flag,
         "Feedforward, tracking: the input voltage is what was applied since the last tick; otherwise it was the command",
     ),
-    variable(
+    parameter(
         "temperature_is_given",
-        Parameter,
         Kind::Flag,
         "Tracking, adaptive: the input temperature is the film's, which was fitted at several; otherwise it is that of its parameters",
     ),
-    variable(
+    input(
         "voltage",
-        Input,
         VOLTS,
         "Plant, observer: voltage on the film. Feedforward, tracking: what was applied, if that is given",
     ),
-    variable("reference", Input, METRES, "Feedforward, tracking: displacement to reach at the end of this tick"),
-    variable("sample", Input, METRES, "Observer, tracking, learning: a sample of the displacement sensor"),
-    variable("sample_taken", Input, Kind::Flag, "Whether a sample has arrived"),
-    variable("sample_age", Input, Kind::Whole { most: 63 }, "How many ticks ago it was measured"),
-    variable("reading", Input, VOLTS, "Feedforward, tracking: what a voltage monitor read"),
-    variable("reading_taken", Input, Kind::Flag, "Whether there is such a reading"),
-    variable(
-        "temperature",
-        Input,
-        real("degC", None, "20"),
-        "Tracking, adaptive: temperature of the film, if that is given",
-    ),
-    variable(
-        "displacement",
-        Output,
-        METRES,
-        "Of the film: simulated (plant, feedforward) or estimated (observer, tracking)",
-    ),
-    variable(
+    input("reference", METRES, "Feedforward, tracking: displacement to reach at the end of this tick"),
+    input("sample", METRES, "Observer, tracking, learning: a sample of the displacement sensor"),
+    input("sample_taken", Kind::Flag, "Whether a sample has arrived"),
+    input("sample_age", Kind::Whole { most: 63 }, "How many ticks ago it was measured"),
+    input("reading", VOLTS, "Feedforward, tracking: what a voltage monitor read"),
+    input("reading_taken", Kind::Flag, "Whether there is such a reading"),
+    input("temperature", real("degC", None, "20"), "Tracking, adaptive: temperature of the film, if that is given"),
+    output("displacement", METRES, "Of the film: simulated (plant, feedforward) or estimated (observer, tracking)"),
+    output(
         "force",
-        Output,
         NEWTONS,
         "Plant, observer: of the voltage, weight included. Feedforward, tracking: electrostatic force that the command needs",
     ),
-    variable("command", Output, VOLTS, "Feedforward, tracking: voltage to apply from now on"),
-    variable("shaped_reference", Output, METRES, "Feedforward, tracking: the reference within speed and acceleration"),
-    variable(
+    output("command", VOLTS, "Feedforward, tracking: voltage to apply from now on"),
+    output("shaped_reference", METRES, "Feedforward, tracking: the reference within speed and acceleration"),
+    output(
         "limits",
-        Output,
         Kind::Whole { most: 255 },
         "Sum of the limits met: 1 below zero, 2 voltage, 4 field, 8 slew, 16 speed, 32 acceleration, 64 beyond the curve, 128 amplifier",
     ),
-    variable("disturbance", Output, NEWTONS, "Observer, tracking: force that the model does not know"),
-    variable(
+    output("disturbance", NEWTONS, "Observer, tracking: force that the model does not know"),
+    output(
         "force_scale",
-        Output,
         real("1", None, "1"),
         "Observer, tracking: effect of the electrostatic force over the model's",
     ),
-    variable(
-        "ageing",
-        Output,
-        real("1", None, "0"),
-        "Adaptive: how far the film has moved from its law; fit it again from 1 on",
-    ),
-    variable(
+    output("ageing", real("1", None, "0"), "Adaptive: how far the film has moved from its law; fit it again from 1 on"),
+    output(
         "stiffness_change",
-        Output,
         real("1", None, "0"),
         "Adaptive: change of the film's stiffness, if nothing else has changed, as a share of it",
     ),
-    variable("sensor_lost", Output, Kind::Flag, "Observer, tracking: no sample for too long"),
+    output("sensor_lost", Kind::Flag, "Observer, tracking: no sample for too long"),
 ];

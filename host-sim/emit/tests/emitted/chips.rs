@@ -78,16 +78,7 @@ const FAST: [&str; 2] = ["-O2", "-fno-math-errno"];
 impl Chip {
     /// Compiles `main` with the films of `sources`.
     fn image(&self, sources: &Sources, main: &str, optimised: &[&str]) {
-        let script = format!(
-            "MEMORY {{ FLASH (rx) : {}\n RAM (rwx) : {} }}\nSECTIONS {{\n\
-             .text : {{ KEEP(*(.start)) *(.text*) *(.rodata*) }} > FLASH\n\
-             .data : {{ chip_data_start = .; *(.data*) . = ALIGN(4); chip_data_end = .; }} > RAM AT > FLASH\n\
-             chip_data_image = LOADADDR(.data);\n\
-             .bss (NOLOAD) : {{ chip_bss_start = .; *(.bss*) *(COMMON) . = ALIGN(4); chip_bss_end = .; }} > RAM\n\
-             chip_stack_top = ORIGIN(RAM) + LENGTH(RAM);\n\
-             /DISCARD/ : {{ *(.ARM.exidx*) *(.eh_frame*) }}\n}}\n",
-            self.flash, self.ram
-        );
+        let script = include_str!("../c/chip.ld").replace("@FLASH@", self.flash).replace("@RAM@", self.ram);
         let folder = sources.folder.path();
         fs::write(folder.join("chip.ld"), script).expect("written");
         let mut command = Command::new(self.compiler);

@@ -149,22 +149,15 @@ fn block_has_the_bits(seconds: usize, count: usize) {
                 let mut command = Command::new(folder.path().join("block"));
                 command.args([(number + 1).to_string(), AGE.to_string()]);
                 command.stdin(fs::File::open(&file).expect("written"));
-                let written: Vec<Vec<u32>> =
-                    job::rows(&succeeds(&mut command)).iter().map(|row| row.to_vec()).collect();
+                // The block does not write the two columns between.
+                let written = job::rows(&succeeds(&mut command));
+                let written: Vec<_> = written.iter().map(|&[a, b, c, _, _, limits]| vec![a, b, c, limits]).collect();
                 let what = format!("{mode} of {}, {}", case.name, path.display());
-                limits |= compare(&what, &expected((mode, kind), &case, &inputs), &[0, 1, 2, 6], &columns(written));
+                limits |= compare(&what, &expected((mode, kind), &case, &inputs), &[0, 1, 2, 6], &written);
             }
         }
     }
     assert!(limits & 3 != 0, "limits that were met: {limits:b}");
-}
-
-/// Without the two columns that the block does not write.
-fn columns(mut rows: Vec<Vec<u32>>) -> Vec<Vec<u32>> {
-    for row in &mut rows {
-        row.drain(3..5);
-    }
-    rows
 }
 
 /// The S-function compiles as strictly as can be against a stub of Simulink's headers, and steps as Simulink calls it, with other inputs in
