@@ -6,18 +6,17 @@ use crate::TOOL;
 
 /// A log from 0 V to 3 kV at 1 s and back at `until_s`, behind 0.1 s up and 0.4 s down: the exponentials, with the monitor's gain and offset.
 fn bench(until_s: f64) -> Bench {
-    let mut csv = String::from("time_s,command_v,voltage_v\n");
-    for row in 0..600_i32 {
+    let row = |row: i32| {
         let time_s = f64::from(row) / 100.0;
         let risen = |time_s: f64| 3000.0 * -(-(time_s - 1.0).max(0.0) / 0.1).exp_m1();
         let fallen = (-(time_s - until_s).max(0.0) / 0.4).exp();
         let command = if time_s >= 1.0 && time_s < until_s { 3000.0 } else { 0.0 };
         // ±2 V, so that there is a noise.
         let volts = risen(time_s.min(until_s)) * fallen;
-        csv += &format!("{time_s},{command},{}\n", 1.02 * volts + 10.0 + f64::from(row * 7919 % 5) - 2.0);
-    }
+        format!("{time_s},{command},{}", 1.02 * volts + 10.0 + f64::from(row * 7919 % 5) - 2.0)
+    };
     let bench = Bench::new(TOOL);
-    bench.write("log.csv", csv);
+    bench.write_table("log.csv", "time_s,command_v,voltage_v", (0..600).map(row));
     bench
 }
 

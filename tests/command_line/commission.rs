@@ -46,18 +46,8 @@ fn a_bad_bench_has_a_record_that_names_it_and_does_not_pass() {
         fs::remove_file(&path).expect("removed");
         fs::write(&path, bytes).expect("written");
     }
-    // A sitting that does not come to its end.
-    names(
-        &bench.fails(&line.replace("--fault leak=0.1", "--fault leak=0.1 --only excite").replace("sitting", "other")),
-        &["ramp.json"],
-    );
-    names(&bench.fails(&line.replace("leak=0.1", "rust=1")), &["rust", "sensor-scale"]);
-    names(&bench.fails(&format!("{line} --gauge 2:2.01")), &["--gauge", "2 m", "2mm:2.01mm"]);
-    names(&bench.fails(&format!("{line} --entry serial=A18")), &["--entry", "serial", "twice"]);
-    names(&bench.fails(&line.replace("serial=A17", "=A17")), &["--entry", "no name"]);
     names(&bench.fails(line), &["sitting/record.json", "another folder", "--from"]);
     bench.says_no("verify sitting/record.json");
     bench.write("lab.pub", "no key");
     names(&bench.fails("verify sitting/record.json --key lab.pub"), &["lab.pub", "minisign -G"]);
-    names(&bench.fails(&line.replace("--fault leak=0.1", "--port /dev/null")), &["[board] table has no"]);
 }

@@ -1,6 +1,5 @@
 //! The commands of control as scripts call them.
 
-use serde_json::Value;
 use tests::thinned_recordings;
 use tests::tool::{Bench, SIZES, failed, names, number, rows};
 
@@ -8,25 +7,23 @@ use crate::TOOL;
 
 /// A folder with parameters of a film like the first simulated film, and references that it can and cannot follow.
 fn bench() -> Bench {
-    let model = r#"
-        stretch_coupling = 29.0
-        [model]
-        topology = "parallel"
-        main = { c = 20600.0, alpha = 0.0 }
-        branches = [
-          [{ c = 10570.0, alpha = 0.0 }, { c = 9070.0, alpha = 1.0 }],
-          [{ c = 6570.0, alpha = 0.0 }, { c = 69270.0, alpha = 1.0 }],
-          [{ c = 4520.0, alpha = 0.0 }, { c = 2579700.0, alpha = 1.0 }],
-          [{ c = 1231.0, alpha = 1.0 }, { c = 9424.0, alpha = 1.0 }],
-        ]
-    "#;
     let bench = Bench::new(TOOL);
-    bench.write("soft.toml", format!("schema = 1\nname = \"soft\"\n{SIZES}{model}"));
+    bench.write("soft.toml", include_str!("films/soft.toml"));
     for (name, low) in [("high.csv", "1.5e-3"), ("low.csv", "0.1e-3")] {
         let shape = "reference --shape sine --high 4e-3 --period 10 --duration 45";
         bench.json(&format!("{shape} --low {low} --out {name}"));
     }
     bench
+}
+
+/// Writes a reference as a share of another one with an offset (m), which it rises to in 2 s with the least jerk.
+pub fn write_raised(bench: &Bench, name: &str, other: &str, (share, offset_m): (f64, f64)) {
+    let [time, path] = ["time_s", "displacement_m"].map(|title| bench.column(other, title));
+    let row = |(t, x): (&f64, &f64)| {
+        let s = (t / 2.0).min(1.0);
+        format!("{t},{}", share * x + offset_m * s * s * s * (10.0 + s * (6.0 * s - 15.0)))
+    };
+    bench.write_table(name, "time_s,displacement_m", time.iter().zip(&path).map(row));
 }
 
 /// In all memories and precisions the model, driven by the voltages, is back on the reference.
@@ -56,11 +53,9 @@ fn feedforward_and_simulate_are_each_others_inverse() {
 fn check_reports_the_feasible_band() {
     let bench = bench();
     let check = |reference: &str| {
-        let output = bench.run(&format!("feedforward --params soft.toml --reference {reference} --check --json"));
-        let report: Value = serde_json::from_slice(&output.stdout).expect("one document");
-        // The exit status is the answer.
-        let feasible = report["check"]["feasible"].as_bool().expect("an answer");
-        assert_eq!(output.status.code(), Some(i32::from(!feasible)));
+        let (report, is_yes) =
+            bench.answers(&format!("feedforward --params soft.toml --reference {reference} --check"));
+        assert_eq!(report["check"]["feasible"], is_yes);
         report["check"].clone()
     };
     assert_eq!(check("high.csv")["feasible"], true);
@@ -69,14 +64,8 @@ fn check_reports_the_feasible_band() {
     assert!(number(&low["below_zero_pct"]) > 5.0 && number(&low["lowest_force_n"]) < -1.0);
     let (least, most) = (number(&low["least_offset_m"]), number(&low["most_offset_m"]));
     println!("offset {:.4} to {:.4} mm", 1e3 * least, 1e3 * most);
-    let [time, path] = ["time_s", "displacement_m"].map(|title| bench.column("low.csv", title));
     for (offset, feasible) in [(1.01 * least, true), (0.98 * least, false), (0.99 * most, true), (1.02 * most, false)] {
-        let mut csv = String::from("time_s,displacement_m\n");
-        for (t, x) in time.iter().zip(&path) {
-            let s = (t / 2.0).min(1.0);
-            csv += &format!("{t},{}\n", x + offset * s * s * s * (10.0 + s * (6.0 * s - 15.0)));
-        }
-        bench.write("raised.csv", csv);
+        write_raised(&bench, "raised.csv", "low.csv", (1.0, offset));
         assert_eq!(check("raised.csv")["feasible"], feasible, "{offset}");
     }
     // A command for it is limited, and marked as limited.

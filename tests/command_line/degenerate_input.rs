@@ -1,7 +1,5 @@
 //! Recordings with little or wrong information: a clear error, or a usable fit with a warning; never a panic, never NaN in a file.
 
-use std::fmt::Write;
-
 use serde_json::Value;
 use tests::sweep::full_sweep;
 use tests::tool::{Bench, names, number, rows, warns};
@@ -10,14 +8,12 @@ use crate::TOOL;
 
 /// A recording: V (V) and displacement (m, or nothing) at the times k / rate.
 fn record(bench: &Bench, file: &str, seconds: f64, rate_hz: f64, row: impl Fn(f64) -> (f64, Option<f64>)) {
-    let mut text = "time_s,voltage_v,displacement_m\n".to_owned();
-    for k in 0..=(seconds * rate_hz) as usize {
-        let time = k as f64 / rate_hz;
+    let line = |time: f64| {
         let (voltage, displacement) = row(time);
-        let cell = displacement.map_or_else(String::new, |x| format!("{x:e}"));
-        let _ = writeln!(text, "{time},{voltage},{cell}");
-    }
-    bench.write(file, text);
+        format!("{time},{voltage},{}", displacement.map_or_else(String::new, |x| format!("{x:e}")))
+    };
+    let times = (0..=(seconds * rate_hz) as usize).map(|k| k as f64 / rate_hz);
+    bench.write_table(file, "time_s,voltage_v,displacement_m", times.map(line));
 }
 
 /// V = 3 kV (1 − cos 2πt / period).
@@ -160,12 +156,12 @@ fn drop_outs_do_not_choose_the_structure() {
 #[test]
 fn bursts_do_not_exhaust_the_memory() {
     let bench = Bench::new(TOOL);
-    let mut text = "time_s,voltage_v,displacement_m\n".to_owned();
-    for (burst, k) in (0..4).flat_map(|burst| (0..10).map(move |k| (burst, k))) {
+    let row = |(burst, k): (i32, i32)| {
         let time = 300.0 * f64::from(burst) + 1e-5 * f64::from(k);
-        let _ = writeln!(text, "{time},{},{}", 1000 * burst, 1e-4 * f64::from(burst) + 1e-6 * f64::from(k));
-    }
-    bench.write("bursts.csv", text);
+        format!("{time},{},{}", 1000 * burst, 1e-4 * f64::from(burst) + 1e-6 * f64::from(k))
+    };
+    let rows = (0..4).flat_map(|burst| (0..10).map(move |k| (burst, k))).map(row);
+    bench.write_table("bursts.csv", "time_s,voltage_v,displacement_m", rows);
     sane(&bench, "bursts.csv", "--branches 0");
 }
 

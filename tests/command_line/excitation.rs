@@ -1,24 +1,14 @@
 //! `profile` and `check`: voltages that identify a film, and whether recordings do.
 
-use serde_json::Value;
-use tests::tool::{Bench, SIZES, names, number, rows};
+use tests::tool::{Bench, names, number, rows};
 
 use crate::TOOL;
 
-/// A film that is not fitted yet: no model. 4.2e7 V/m on 100 µm are 4200 V, below the 6000 V of the amplifier.
+/// A folder with the board of a film that is not fitted yet. 4.2e7 V/m on 100 µm are 4200 V, below the 6000 V of the amplifier.
 fn bench() -> Bench {
-    let limits = "[board.limits]\nmax_voltage_v = 6000.0\nmax_field_v_per_m = 4.2e7\nthickness_m = 100e-6\n\
-        max_slew_v_per_s = 5000.0\nmax_displacement_m = 8e-3\non_sensor_fault = \"trip\"\nheartbeat_s = 0.5\n\
-        monitor = { slew_v_per_s = 1e5, band_v = 60.0, band_share = 0.03, settle_s = 0.02 }\n\
-        sensor = { low = -0.5e-3, high = 9e-3, jump = 0.5e-3, stuck_ticks = 500, stuck_band = 2e-6 }\n";
     let bench = Bench::new(TOOL);
-    bench.write("board.toml", format!("schema = 1\n{}{limits}", SIZES.replace("160e-6", "100e-6")));
+    bench.write("board.toml", include_str!("cases/profile.in/board.toml"));
     bench
-}
-
-fn checked(bench: &Bench, files: &str) -> (Value, Option<i32>) {
-    let output = bench.run(&format!("check --json {files}"));
-    (serde_json::from_slice(&output.stdout).expect("one document"), output.status.code())
 }
 
 #[test]
@@ -65,8 +55,8 @@ fn what_a_profile_excites_identifies_a_film() {
     bench.prints("profile --board board.toml --out profile.csv");
     let simulate = "simulate --params preset:table3-n2 --rate 100";
     bench.prints(&format!("{simulate} --profile profile.csv --out recording.csv"));
-    let (report, status) = checked(&bench, "recording.csv");
-    assert!(report["identifies"] == true && status == Some(0) && rows(&report["findings"]).is_empty(), "{report}");
+    let (report, identifies) = bench.answers("check recording.csv");
+    assert!(report["identifies"] == true && identifies && rows(&report["findings"]).is_empty(), "{report}");
     let drive = &report["recordings"][0]["drive"];
     let frequencies: Vec<f64> = rows(&drive["frequencies_hz"]).iter().map(number).collect();
     assert_eq!(frequencies.len(), 3, "{drive}");
@@ -81,8 +71,8 @@ fn what_a_profile_excites_identifies_a_film() {
     let structure = "--topology eq11 --branches 2 --curve none";
     bench.json(&format!("fit recording.csv --out film.toml --actuator preset:table3-n2 {structure}"));
     let volts = |t: f64| if t < 1.0 { 0.0 } else { 1250.0 * (1.0 - (std::f64::consts::TAU * 0.1 * (t - 1.0)).cos()) };
-    let rows: String = (0..=6000).map(|k| 0.01 * f64::from(k)).map(|t| format!("{t},{}\n", volts(t))).collect();
-    bench.write("voltage.csv", format!("time_s,voltage_v\n{rows}"));
+    let times = (0..=6000).map(|k| 0.01 * f64::from(k));
+    bench.write_table("voltage.csv", "time_s,voltage_v", times.map(|t| format!("{t},{}", volts(t))));
     bench.json(&format!("{simulate} --memory full --precision f64 --profile voltage.csv --out other.csv"));
     let report = bench.json("replay --params film.toml --rate 100 other.csv");
     let nrmse_pct = number(&report["recordings"][0]["nrmse_pct"]);
@@ -94,9 +84,9 @@ fn what_a_profile_excites_identifies_a_film() {
 fn recordings_are_judged_together() {
     let bench = bench();
     let files = bench.recordings("wang");
-    let (report, status) = checked(&bench, &files);
-    assert_eq!((&report["identifies"], status), (&true.into(), Some(0)), "{report}");
+    let report = bench.json(&format!("check {files}"));
+    assert_eq!(report["identifies"], true, "{report}");
     names(&report["findings"].to_string(), &["one amplitude only"]);
-    let (report, status) = checked(&bench, "wang-5s.csv");
-    assert_eq!((&report["identifies"], status), (&false.into(), Some(1)), "{report}");
+    let report = bench.says_no("check wang-5s.csv");
+    assert_eq!(report["identifies"], false, "{report}");
 }

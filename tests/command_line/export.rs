@@ -11,15 +11,7 @@ use tests::tool::{Bench, SIZES, names, number};
 
 use crate::TOOL;
 
-fn board_table() -> String {
-    "\n[board]\nid = 7\ncommand_range = \"five-volts\"\namplifier = { offset = 0.0, gain = 1200.0, quadratic = -3.5 }\n\
-     monitor = { offset = 1.5, gain = 1000.0, quadratic = 0.0 }\nsensor = { offset = -0.001, gain = 0.001, quadratic = 0.0 }\n\
-     [board.limits]\nmax_voltage_v = 5500.0\nmax_field_v_per_m = 4e7\nthickness_m = 160e-6\nmax_slew_v_per_s = 2e4\n\
-     max_displacement_m = 6e-3\non_sensor_fault = \"open-loop\"\nheartbeat_s = 0.25\n\
-     monitor = { slew_v_per_s = 5e4, band_v = 50.0, band_share = 0.02, settle_s = 0.01 }\n\
-     sensor = { low = -0.9e-3, high = 8e-3, jump = 2e-4, stuck_ticks = 300 }\n"
-        .into()
-}
+const BOARD: &str = include_str!("films/board.toml");
 
 /// Exports `params` at `rate` and gives the blob's bytes, which are those of the constant.
 fn exported(bench: &Bench, params: &str, rate: &str) -> Vec<u8> {
@@ -118,7 +110,7 @@ fn a_board_of_its_own_goes_into_the_blob() {
     let bench = Bench::new(TOOL);
     let mut parameters = Parameters::preset("table3-n2").expect("there");
     parameters.sensor_offset_m = 12e-6;
-    let toml = parameters.to_toml() + &board_table();
+    let toml = parameters.to_toml() + BOARD;
     let parabola = "amplifier = { offset = 0.0, gain = 1200.0, quadratic = -3.5 }";
     let points = "amplifier = { points = [[0.0, 0.0], [0.6, 15.0], [0.8, 160.0], [5.0, 6000.0]] }";
     for (described, amplifier) in [
@@ -147,13 +139,12 @@ pub fn sensed() -> String {
     let page = include_str!("../../docs/formats.md");
     let table = page.split("```toml\n").find(|table| table.starts_with("[board.self_sensing]"));
     let table = table.and_then(|rest| rest.split("```").next()).expect("a table");
-    let board = board_table()
+    let board = BOARD
         .replace("id = 7", "id = 0x0405")
         .replace("max_slew_v_per_s = 2e4", "max_slew_v_per_s = 1e5")
         .replace("slew_v_per_s = 5e4", "slew_v_per_s = 1e5")
         .replace("jump = 2e-4", "jump = 4e-4");
-    let control = "[board.control]\nmax_velocity_m_per_s = 0.02\nmax_acceleration_m_per_s2 = 0.5\nreturn_hz = 5.0\nbandwidth_hz = 0.6\n\
-                   sample_interval_s = 0.02\ndelay_s = 0.014\nlost_after_s = 0.2\nadaptation_s = 30.0\n";
+    let control = include_str!("films/control.toml");
     Parameters::preset("table3-n2").expect("there").to_toml() + &board + control + table
 }
 

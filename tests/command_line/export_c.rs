@@ -63,24 +63,14 @@ fn the_program_of_the_page_runs() {
     assert_eq!(printed, format!("{displacement_mm:.3} mm, {voltage:.0} V, limits {limited}\n"));
 }
 
-/// A file with all that a film can have: curve, saturation, an amplifier that lags, learning.
-pub fn rich() -> String {
-    "schema = 2\nname = \"rich\"\n[actuator]\nrelative_permittivity = 4.7\nlength_m = 0.04\nwidth_m = 0.06\nthickness_m = 160e-6\n\
-     mass_kg = 0.316\npreload = \"settled\"\nstretch_coupling = 15.0\nsaturation_v = 9000.0\n[model]\ntopology = \"parallel\"\n\
-     main = { c = 62740.0, alpha = 0.2 }\nbranches = [[{ c = 47958.0, alpha = 1.0 }, { c = 173210.0, alpha = 1.0 }]]\n\
-     [curve]\nelastic = \"free\"\ndisplacement_m = [-0.0005, 0.0, 0.002]\nvalue_m = [-0.00045, 0.0, 0.003]\n\
-     [board]\nid = 7\ncommand_range = \"ten-volts\"\nmonitor = { offset = 0.0, gain = 1000.0, quadratic = 0.0 }\n\
-     amplifier = { offset = 0.0, gain = 1000.0, quadratic = 0.0, rise_s = 0.02, fall_s = 0.1 }\n\
-     [board.control]\nmax_velocity_m_per_s = 0.05\nmax_acceleration_m_per_s2 = 0.5\nreturn_hz = 5.0\nbandwidth_hz = 0.4\n\
-     sample_interval_s = 0.01\ndelay_s = 0.01\nlost_after_s = 0.05\nadaptation_s = 30.0\nharmonics = 6\nperiod_s = 1.0\n"
-        .into()
-}
+/// A film with all that one can have: curve, saturation, an amplifier that lags, learning.
+pub const RICH: &str = include_str!("films/rich.toml");
 
 /// Two exported films in one program, ticked with learning in front of feedforward: the bits of every voltage are the controller's.
 #[test]
 fn two_exported_films_have_the_controllers_bits() {
     let bench = Bench::new(TOOL);
-    bench.write("rich.toml", rich());
+    bench.write("rich.toml", RICH);
     let sources = [("rich.toml", "rich_1"), ("preset:table3-n1", "n1")];
     for (params, name) in sources {
         let report = bench.json(&format!("export --params {params} --emit c --out {name}.c"));
@@ -88,18 +78,7 @@ fn two_exported_films_have_the_controllers_bits() {
         let written = [format!("{name}.c"), "springpot.h".into(), format!("{name}.json")];
         assert_eq!(report["written"], serde_json::json!(written), "{report}");
     }
-    let main = "#include <stdio.h>\n#include <string.h>\n#include \"springpot.h\"\nSPRINGPOT_FILM(film_rich_1);\nSPRINGPOT_FILM(film_n1);\n\
-         int main(void)\n{\n    const springpot_film *const films[2] = {&film_rich_1, &film_n1};\n    for (uint32_t f = 0U; f < 2U; f++) {\n\
-         static springpot_follower_state state;\n        springpot_command command = {0.0F, 0.0F, 0.0F, 0U};\n\
-         springpot_follower_init(films[f], &state, false, true);\n        for (uint32_t k = 0U; k < 12000U; k++) {\n\
-         const uint32_t turn = k % 1000U;\n            const float u = (float)((turn < 500U) ? turn : (1000U - turn)) / 500.0F;\n\
-         const float reference = 0.6e-3F + (0.2e-3F * ((u * u) * (3.0F - (2.0F * u))));\n\
-         springpot_follower_state next = state;\n            springpot_sample sample;\n            uint32_t bits;\n\
-         sample.displacement = 1.04F * springpot_follower_observe(films[f], &next, command.voltage, 1.02F * command.voltage, NULL);\n\
-         sample.age_ticks = 0U;\n            command = springpot_follower_step(films[f], &state, command.voltage,\n\
-         1.02F * command.voltage, (k % 10U == 0U) ? &sample : NULL, reference);\n            memcpy(&bits, &command.voltage, sizeof bits);\n\
-         printf(\"%08x\\n\", (unsigned)bits);\n        }\n    }\n    return 0;\n}\n";
-    bench.write("main.c", main);
+    bench.write("main.c", include_str!("c/two_films.c"));
     ran(&bench, "gcc -std=c99 -O2 -Wall -Wextra -Wpedantic -Wconversion -Werror main.c rich_1.c n1.c -lm -o main");
     let printed = ran(&bench, "./main");
     let mut lines = printed.lines();
@@ -144,15 +123,7 @@ fn an_exported_film_is_its_own_sensor() {
         bench.json(&format!("export --params {params} --emit c --out {out}"));
     }
     assert!(!bench.read("n2.c").contains("sensing"));
-    let main = "#include <stdio.h>\n#include <string.h>\n#include \"springpot.h\"\nSPRINGPOT_SELF_SENSING(self_sensing_film);\n\
-         int main(void)\n{\n    static springpot_self_sensing_state state;\n    float before = 0.0F;\n    float current = 0.0F;\n\
-         springpot_self_sensing_init(&self_sensing_film, &state);\n    for (uint32_t k = 0U; k < 2000U; k++) {\n\
-         const springpot_sample *sample = springpot_self_sensing_sense(&self_sensing_film, &state, before, current);\n\
-         const float voltage = springpot_self_sensing_drive(&self_sensing_film, &state, (float)k);\n\
-         current = (700e-9F + (2e-11F * (float)k)) * (voltage - before);\n        before = voltage;\n        if (sample != NULL) {\n\
-         uint32_t bits;\n            memcpy(&bits, &sample->displacement, sizeof bits);\n            printf(\"%08x\\n\", (unsigned)bits);\n\
-         }\n    }\n    return (int)state.fault;\n}\n";
-    bench.write("main.c", main);
+    bench.write("main.c", include_str!("c/own_sensor.c"));
     ran(&bench, "gcc -std=c99 -O2 -Wall -Wextra -Wpedantic -Wconversion -Werror main.c film.c n2.c -lm -o main");
     let blob = controllers(&Parameters::load(text(&bench.path("film.toml"))).expect("valid"));
     let sensing = blob.parameters().self_sensing.as_ref().expect("in the blob").sensing().expect("valid");
@@ -171,15 +142,8 @@ fn an_exported_film_is_its_own_sensor() {
     // The tick of the page: with a tone, and at 0 V from the fault of a broken current monitor on.
     let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/c.md")).expect("there");
     let tick = blocks(&page, "```c\n").into_iter().find(|block| block.contains("sensed_tick")).expect("there");
-    let head = "#include <stdio.h>\n#include \"springpot.h\"\nSPRINGPOT_FILM(film);\nSPRINGPOT_SELF_SENSING(self_sensing_film);\n";
-    let main = "int main(void)\n{\n    static springpot_follower_state state;\n    static springpot_self_sensing_state sensed;\n\
-         springpot_command command = {0.0F, 0.0F, 0.0F, 0U};\n    float before = 0.0F;\n    float current = 0.0F;\n\
-         springpot_follower_init(&film, &state, true, false);\n    springpot_self_sensing_init(&self_sensing_film, &sensed);\n\
-         for (uint32_t k = 0U; k < 600U; k++) {\n        const float voltage = sensed_tick(&film, &state, &self_sensing_film, &sensed,\n\
-         &command, before, current, 2e-4F);\n        current = (k < 400U) ? (700e-9F * (voltage - before)) : 0.0F;\n        before = voltage;\n\
-         if ((k == 399U) || (k == 599U)) {\n            printf(\"%u %d %d\\n\", (unsigned)sensed.fault, voltage > 100.0F, command.voltage > 0.0F);\n\
-         }\n    }\n    return 0;\n}\n";
-    bench.write("tick.c", [head, tick, main].concat());
+    bench.write("page.h", tick);
+    bench.write("tick.c", include_str!("c/sensed_tick.c"));
     ran(&bench, "gcc -std=c99 -O2 -Wall -Wextra tick.c film.c -lm -o tick");
     assert_eq!(ran(&bench, "./tick"), "0 1 1\n3 0 0\n");
 }
@@ -214,23 +178,10 @@ fn the_arduino_library_is_described() {
 fn the_arduino_library_compiles() {
     let bench = Bench::new(TOOL);
     bench.json("export --params preset:table3-n2 --emit arduino --out vhb");
-    bench.write(
-        "Arduino.h",
-        "#pragma once\n#include <stdint.h>\n#include <math.h>\n#define A0 14\nunsigned long micros();\nint analogRead(int pin);\n\
-         void analogWrite(int pin, int code);\nvoid setup();\nvoid loop();\n\
-         struct Port { void begin(long) {} void println(const char *text); };\nextern Port Serial;\n",
-    );
+    bench.write("Arduino.h", include_str!("c/Arduino.h"));
+    bench.write("board.cpp", include_str!("c/board.cpp"));
     let sketch = bench.read("vhb/examples/Tracking/Tracking.ino");
     bench.write("sketch.cpp", format!("#include <Arduino.h>\n{sketch}"));
-    bench.write(
-        "board.cpp",
-        "#include <Arduino.h>\n#include <stdio.h>\nstatic unsigned long now;\nstatic int writes, largest, last;\n\
-         Port Serial;\nvoid Port::println(const char *text) { printf(\"%s\\n\", text); }\n\
-         unsigned long micros() { return now; }\nint analogRead(int) { return 102 + (int)(2.0e-3 * largest); }\n\
-         void analogWrite(int, int code) { ++writes; last = code; if (code > largest) { largest = code; } }\n\
-         int main() { setup(); for (; now < 1000000UL; now += LOOP_US) { loop(); }\n\
-         printf(\"%d %d %d\\n\", writes, largest, last); }\n",
-    );
     ran(&bench, "gcc -std=gnu11 -Os -Wall -Wextra -Werror -c vhb/src/film_vhb.c");
     let run = |loop_us: &str| {
         let options = format!("-std=gnu++11 -Os -Wall -Wextra -Werror -I. -Ivhb/src {loop_us}");

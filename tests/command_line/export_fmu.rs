@@ -16,7 +16,7 @@ use tests::tool::{Bench, names, text};
 use zip::ZipArchive;
 
 use crate::TOOL;
-use crate::export_c::rich;
+use crate::export_c::RICH;
 
 /// Both versions, as `--emit` and the standard call them, and the folder of their libraries.
 const VERSIONS: [(&str, &str, &str); 2] = [("fmu", "3.0", "x86_64-linux"), ("fmu2", "2.0", "linux64")];
@@ -66,8 +66,8 @@ fn elements(xml: &[u8]) -> Vec<(String, BTreeMap<String, String>)> {
 #[test]
 fn an_fmu_is_whole_and_the_same_every_time() {
     let bench = Bench::new(TOOL);
-    let odd = rich().replace("name = \"rich\"", "name = 'rich<&>\"*/'");
-    assert_ne!(odd, rich());
+    let odd = RICH.replace("name = \"rich\"", "name = 'rich<&>\"*/'");
+    assert_ne!(odd, RICH);
     bench.write("rich.toml", odd);
     for (emit, version, platform) in VERSIONS {
         let [(report, bytes), (_, again)] = [(); 2].map(|()| {
@@ -187,7 +187,7 @@ type Row = [f64; 10];
 /// The rich film, fitted at several temperatures: in numbers that single precision has.
 fn warming() -> String {
     let temperature = "[temperature]\nreference_c = 22.5\nstiffness_per_k = -0.0078125\nactivation_kj_per_mol = 32.0\n";
-    rich().replace("schema = 2", "schema = 5") + temperature
+    RICH.replace("schema = 2", "schema = 5") + temperature
 }
 
 /// FMPy in an environment of its own.
@@ -227,8 +227,8 @@ fn simulated(bench: &Bench, recording: &Path) -> Vec<[f64; 4]> {
         rows.map(|line| line.split(',').map(|cell| cell.parse().expect("a number")).collect()).collect()
     };
     let recorded = rows(&fs::read_to_string(recording).expect("committed"));
-    let profile: String = recorded.iter().map(|row| format!("{},{}\n", row[0], 0.95 * row[1])).collect();
-    bench.write("profile.csv", format!("time_s,voltage_v\n{profile}"));
+    let profile = recorded.iter().map(|row| format!("{},{}", row[0], 0.95 * row[1]));
+    bench.write_table("profile.csv", "time_s,voltage_v", profile);
     bench.json("simulate --params preset:table3-n2 --profile profile.csv --out response.csv");
     rows(&bench.read("response.csv")).into_iter().map(|row| row.try_into().expect("four columns")).collect()
 }

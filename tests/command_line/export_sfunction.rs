@@ -29,20 +29,6 @@ fn octave(bench: &Bench, script: &str) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// Those of the paper's bench, with a larger voltage.
-const LIMITS: &str = r#"
-[board.limits]
-max_voltage_v = 6500.0
-max_field_v_per_m = 4.2e7
-thickness_m = 160e-6
-max_slew_v_per_s = 50000.0
-max_displacement_m = 8e-3
-on_sensor_fault = "trip"
-heartbeat_s = 0.5
-monitor = { slew_v_per_s = 1e5, band_v = 60.0, band_share = 0.03, settle_s = 0.02 }
-sensor = { low = -0.5e-3, high = 9e-3, jump = 0.5e-3, stuck_ticks = 500, stuck_band = 2e-6 }
-"#;
-
 /// The line that the script prints, of what `replay` says with `options`.
 fn line(bench: &Bench, params: &str, file: &str, options: &str, how: &str) -> String {
     let row = &bench.json(&format!("replay --params {params} {file} {options}"))["recordings"][0];
@@ -88,7 +74,7 @@ fn the_script_replays_as_the_command_does() {
 
     // What the monitor shows above 6 kV counts.
     for params in ["film.toml", "published.toml"] {
-        bench.write(params, bench.read(params) + LIMITS);
+        bench.write(params, bench.read(params) + include_str!("films/limits.toml"));
     }
 
     let mut expected = String::new();
@@ -104,9 +90,8 @@ fn the_script_replays_as_the_command_does() {
         expected += &line(&bench, &params, file, full, "full at 100 Hz");
     }
     // A held force whose clock begins a step after 0, when it was applied.
-    let held: Vec<String> =
-        (1..=200).map(|k| format!("{:?},20,{:?}", 0.01 * f64::from(k), 1e-4 * f64::from(k).sqrt())).collect();
-    bench.write("held.csv", format!("time_s,force_n,displacement_m\n{}\n", held.join("\n")));
+    let held = (1..=200).map(|k| format!("{:?},20,{:?}", 0.01 * f64::from(k), 1e-4 * f64::from(k).sqrt()));
+    bench.write_table("held.csv", "time_s,force_n,displacement_m", held);
     script += "springpot_replay('film.json', 'held.csv', 'plot', 'none');";
     expected += &line(&bench, "film.toml", "held.csv", "", "film_mex at 1000 Hz");
     // Two lines of different colours on white, and none of them everywhere.

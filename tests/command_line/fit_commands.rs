@@ -108,8 +108,8 @@ fn relaxation(t: f64) -> f64 {
 }
 
 fn write_relaxation(bench: &Bench, times: impl Iterator<Item = f64>, force: impl Fn(f64) -> f64) {
-    let rows: String = times.map(|t| format!("{t:?},0.01,{:?}\n", force(t))).collect();
-    bench.write("relaxation.csv", format!("time_s,displacement_m,force_n\n{rows}"));
+    let rows = times.map(|t| format!("{t:?},0.01,{:?}", force(t)));
+    bench.write_table("relaxation.csv", "time_s,displacement_m,force_n", rows);
 }
 
 /// A relaxation test whose first seconds and whose end are of no use: the rest is fitted, and what the film remembers stays.
@@ -141,14 +141,10 @@ fn assumed_sizes_are_reported_and_no_field_is_claimed() {
     assert!(parameters(&bench, "again.toml").assumed_sizes && !parameters(&bench, "sized.toml").assumed_sizes);
 
     bench.json("reference --shape sine --low 0.4e-3 --high 1e-3 --period 10 --duration 30 --out ref.csv");
-    let check = |params: &str| -> Value {
-        let options = "--reference ref.csv --max-field 1e6 --json";
-        let output = bench.run(&format!("feedforward --check --params {params} {options}"));
-        assert_eq!(output.status.code(), Some(if params == "sized.toml" { 1 } else { 0 }));
-        serde_json::from_slice(&output.stdout).expect("JSON")
-    };
     // 1 MV/m would be exceeded: it is found where the sizes are known, and not claimed where they are not.
-    let (known, unknown) = (check("sized.toml"), check("assumed.toml"));
+    let check = "feedforward --check --reference ref.csv --max-field 1e6 --params";
+    let (known, unknown) =
+        (bench.says_no(&format!("{check} sized.toml")), bench.json(&format!("{check} assumed.toml")));
     assert!(known["check"]["feasible"] == false && known["check"]["field_checked"] == true, "{known}");
     assert!(known["field_note"].is_null());
     assert!(unknown["check"]["field_checked"] == false && unknown["field_note"].as_str().is_some(), "{unknown}");
@@ -164,9 +160,9 @@ fn gaps_and_signs() {
     let record = |times: &mut dyn Iterator<Item = f64>, stroke_m: f64| {
         let row = |t: f64| {
             let share = 0.5 * (1.0 - (0.9 * t).cos());
-            format!("{t:.3},{:.3},{:.9}\n", 5000.0 * share, stroke_m * share * share)
+            format!("{t:.3},{:.3},{:.9}", 5000.0 * share, stroke_m * share * share)
         };
-        bench.write("rec.csv", format!("time_s,voltage_v,displacement_m\n{}", times.map(row).collect::<String>()));
+        bench.write_table("rec.csv", "time_s,voltage_v,displacement_m", times.map(row));
     };
     let fit = |more: &str| bench.json(&format!("fit --branches 0 --out p.toml rec.csv {more}"));
     let samples = |report: &Value| number(&report["recordings"][0]["samples"]);

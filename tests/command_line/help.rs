@@ -55,25 +55,22 @@ fn bench() -> Bench {
     }
     bench.json("reduce --params preset:table3-n1 --tolerance 1e-9 --out film.toml");
     bench.json("reference --shape sine --low 1mm --high 1.2mm --period 10s --duration 30s --out ref.csv");
-    let table = |name: &str, header: &str, row: &dyn Fn(i32) -> String| {
-        bench.write(name, format!("{header}\n{}", (1..300).map(row).collect::<String>()));
-    };
+    let table =
+        |name: &str, header: &str, row: &dyn Fn(i32) -> String| bench.write_table(name, header, (1..300).map(row));
     table("log.csv", "time_s,command_v,monitor_v", &|k| {
         let (time, command) = (f64::from(k) / 100.0, if (50..150).contains(&k) { 1000.0 } else { 0.0 });
         let (since, after) = ((time - 0.5).max(0.0), (time - 1.5).max(0.0));
         let monitor = if k < 150 { 1000.0 * (1.0 - (-since / 0.05).exp()) } else { 1000.0 * (-after / 0.1f64).exp() };
-        format!("{time},{command},{}\n", monitor + f64::from(k % 7))
+        format!("{time},{command},{}", monitor + f64::from(k % 7))
     });
     bench.json(
         "plant --plant hossain --frequency 0.05 --duration 60 --rate 1000 --peak-voltage 5500 --tone 50 --out tone.csv",
     );
     let decay = |k: i32| f64::from(k).powf(-0.1);
     table("test.csv", "time_s,stretch,nominal_stress_pa", &|k| {
-        format!("{},1.1,{}\n", f64::from(k) * 0.1, 2e4 * decay(k))
+        format!("{},1.1,{}", f64::from(k) * 0.1, 2e4 * decay(k))
     });
-    table("machine.csv", "time_s,displacement_mm,force_n", &|k| {
-        format!("{},5,{}\n", f64::from(k) * 0.1, 2.0 * decay(k))
-    });
+    table("machine.csv", "time_s,displacement_mm,force_n", &|k| format!("{},5,{}", f64::from(k) * 0.1, 2.0 * decay(k)));
     bench
 }
 

@@ -8,6 +8,7 @@ use serde_json::Value;
 use tests::tool::{Bench, names, number};
 
 use crate::TOOL;
+use crate::control_commands::write_raised;
 
 fn utf8(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("UTF-8")
@@ -210,12 +211,6 @@ fn a_check_answers_and_corrects() {
     names(&printed, &words);
     let [factor, offset] = ["factor", "offset_m"].map(|key| number(&report["smaller"][key]));
     assert!((0.1..1.0).contains(&factor), "{factor}");
-    let [time, path] = ["time_s", "displacement_m"].map(|title| bench.column("wide.csv", title));
-    let row = |(t, x): (&f64, &f64)| {
-        let s = (t / 2.0).min(1.0);
-        format!("{t},{}\n", factor * x + offset * s * s * s * (10.0 + s * (6.0 * s - 15.0)))
-    };
-    let rows: String = time.iter().zip(&path).map(row).collect();
-    bench.write("corrected.csv", format!("time_s,displacement_m\n{rows}"));
+    write_raised(&bench, "corrected.csv", "wide.csv", (factor, offset));
     assert_eq!(check("corrected.csv", "--max-voltage 5kV").0, 0);
 }

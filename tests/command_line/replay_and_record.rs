@@ -57,8 +57,8 @@ fn simulate_and_replay_agree() {
 #[test]
 fn force_driven_runs_and_both_directions() {
     let bench = Bench::new(TOOL);
-    let row = |k: u32| format!("{},{}\n", f64::from(k) * 0.01, 50.0 * (1.0 - (0.005 * f64::from(k)).cos()));
-    bench.write("force.csv", format!("time_s,force_n\n{}", (0..2000).map(row).collect::<String>()));
+    let row = |k: u32| format!("{},{}", f64::from(k) * 0.01, 50.0 * (1.0 - (0.005 * f64::from(k)).cos()));
+    bench.write_table("force.csv", "time_s,force_n", (0..2000).map(row));
     bench.json("simulate --params preset:table4-f7 --profile force.csv --out response.csv");
     assert!(bench.column("response.csv", "voltage_v").iter().all(|volts| volts.is_nan()), "no voltage");
     for drive in ["force", "displacement"] {
@@ -220,9 +220,8 @@ fn a_temperature_out_of_reach_is_left_out() {
     let table = "[temperature]\nreference_c = 20.0\nstiffness_per_k = -0.01\nactivation_kj_per_mol = 50.0\n";
     bench.write("film.toml", format!("{film}{table}"));
     for (file, temperature_c) in [("cool.csv", 22.0), ("hot.csv", 140.0)] {
-        let row = |k: u32| format!("{k},{},{},{temperature_c}\n", 10 * k, 1e-6 * f64::from(k));
-        let rows: String = (0..100).map(row).collect();
-        bench.write(file, format!("time_s,voltage_v,displacement_m,temperature_c\n{rows}"));
+        let row = |k: u32| format!("{k},{},{},{temperature_c}", 10 * k, 1e-6 * f64::from(k));
+        bench.write_table(file, "time_s,voltage_v,displacement_m,temperature_c", (0..100).map(row));
     }
     let report = bench.json("replay --params film.toml cool.csv hot.csv");
     assert_eq!((rows(&report["recordings"]).len(), &report["without_response"][0]["file"]), (1, &"hot.csv".into()));

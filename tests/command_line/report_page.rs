@@ -112,9 +112,8 @@ fn a_relaxation_gets_logarithmic_time_and_names_are_escaped() {
     let bench = Bench::new(TOOL);
     let file = "<script>alert(1)<img src=x> & 'co'.csv";
     // A springpot held at 1 mm: F = c x t^-α / Γ(1 - α), with α = 0.2 and Γ(0.8) = 1.1642.
-    let row = |t: f64| format!("{t},0.001,{}\n", 5e4 * 1e-3 * t.powf(-0.2) / 1.1642);
-    let rows: String = (1..=400).map(|k| row(0.25 * f64::from(k))).collect();
-    bench.write(file, format!("time_s,displacement_m,force_n\n{rows}"));
+    let row = |t: f64| format!("{t},0.001,{}", 5e4 * 1e-3 * t.powf(-0.2) / 1.1642);
+    bench.write_table(file, "time_s,displacement_m,force_n", (1..=400).map(|k| row(0.25 * f64::from(k))));
     let fit =
         "fit --json --drive displacement --branches 0 --topology parallel --curve none --out p.toml --report p.html";
     let output = bench.with(fit).arg(file).assert().success().get_output().stdout.clone();

@@ -29,15 +29,13 @@ impl Tool {
 
     /// Returns what it prints with `--json`: one document and nothing else.
     pub fn json(self, arguments: &[&str]) -> Value {
-        let output = self.with(arguments).arg("--json").assert().success().get_output().stdout.clone();
-        serde_json::from_slice(&output).expect("one JSON document and nothing else")
+        document(self.with(arguments).arg("--json").assert().success().get_output())
     }
 
     /// Returns what it prints with `--json` for a line of arguments without blanks in them, in a folder.
     pub fn line(self, line: &str, folder: &Path) -> Value {
         let arguments: Vec<&str> = line.split_whitespace().chain(["--json"]).collect();
-        let output = self.with(&arguments).current_dir(folder).assert().success().get_output().stdout.clone();
-        serde_json::from_slice(&output).expect("one JSON document and nothing else")
+        document(self.with(&arguments).current_dir(folder).assert().success().get_output())
     }
 
     /// Its one line on standard error, where it must fail: exit status 2, nothing on standard output.
@@ -76,6 +74,12 @@ impl Bench {
     /// Writes a file.
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
         fs::write(self.path(name), content).expect("written");
+    }
+
+    /// Writes a table: its header, and its rows.
+    pub fn write_table(&self, name: &str, header: &str, rows: impl IntoIterator<Item = String>) {
+        let lines: Vec<String> = rows.into_iter().collect();
+        self.write(name, format!("{header}\n{}\n", lines.join("\n")));
     }
 
     /// The text of a file.
@@ -121,8 +125,15 @@ impl Bench {
 
     /// The same where the answer is no: exit status 1.
     pub fn says_no(&self, line: &str) -> Value {
-        let output = self.with(line).arg("--json").assert().code(1).get_output().stdout.clone();
-        serde_json::from_slice(&output).expect("one JSON document and nothing else")
+        document(self.with(line).arg("--json").assert().code(1).get_output())
+    }
+
+    /// The same for either answer, and whether it is yes.
+    pub fn answers(&self, line: &str) -> (Value, bool) {
+        let output = self.run(&format!("{line} --json"));
+        let answer = document(&output);
+        assert!(matches!(output.status.code(), Some(0 | 1)), "{line}: {}", output.status);
+        (answer, output.status.success())
     }
 
     /// Its one line on standard error, where it must fail and leave nothing behind.
@@ -132,6 +143,10 @@ impl Bench {
         assert_eq!(before, self.files(), "nothing is left behind");
         line
     }
+}
+
+fn document(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).expect("one JSON document and nothing else")
 }
 
 /// A number of a document.
