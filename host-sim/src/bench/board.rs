@@ -10,6 +10,7 @@ use springpot::Limited;
 use tokio::sync::oneshot;
 
 use super::control::{Denied, Permit, Token};
+use super::reference::{refused, set};
 use super::shared::{Live, Order, PUBLISH, Place, Play, SENT_HZ, Shared, Sitting, Watched, Wish, finite, locked};
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::as_written;
@@ -316,16 +317,11 @@ impl<'a> Board<'a> {
     }
 
     fn play(&mut self, play: Play) -> Result<()> {
-        let largest = play.values.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
         if self.run.is_some() {
             return Err(Error::Computation("a reference is played already".into()));
         }
-        // What is beyond the limits shows before the run begins: a set-point within them is refused for the state alone.
-        if let Some(value) = largest {
-            let answer = self.client.ask(set(play.mode, value))?;
-            if answer == Answer::Rejected(Reject::Value) {
-                return Err(self.client.unexpected(&answer));
-            }
+        if let Some((_, error)) = refused(&mut self.client, play.mode, &play.values)? {
+            return Err(error);
         }
         self.client.order(Command::Start(play.mode))?;
         self.show_waiting()?;
@@ -370,10 +366,6 @@ impl<'a> Board<'a> {
         self.live.message = ended.unwrap_or_else(|error| error.to_string());
         Ok(())
     }
-}
-
-fn set(mode: Mode, value: f32) -> Command {
-    if mode == Mode::Voltage { Command::SetVoltage(value) } else { Command::SetReference(value) }
 }
 
 /// A number of the link as it is shown.

@@ -22,7 +22,6 @@ impl Token {
     /// # Panics
     ///
     /// Where the system has none.
-    #[must_use]
     pub fn random() -> Self {
         let mut bytes = [0; 16];
         getrandom::fill(&mut bytes).expect("the system has random numbers");
@@ -161,13 +160,11 @@ impl Control {
     }
 
     /// Place of the page in control; 0 for none.
-    #[must_use]
     pub fn place(&self) -> u32 {
         self.page.map_or(0, |page| page.place)
     }
 
     /// Whether a page has armed.
-    #[must_use]
     pub fn is_armed(&self) -> bool {
         self.arming.is_some()
     }
@@ -206,7 +203,6 @@ impl Control {
     }
 
     /// Whether `permit` is still valid, now that its turn has come.
-    #[must_use]
     pub fn is_valid(&self, permit: Permit) -> bool {
         permit.stops == self.stops && self.page.is_some_and(|page| page.token == permit.page)
     }

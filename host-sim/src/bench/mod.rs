@@ -2,7 +2,7 @@
 
 mod board;
 pub mod control;
-pub mod reference;
+pub(crate) mod reference;
 pub mod session;
 pub mod shared;
 pub mod terminal;

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use dea_driver::wire::Mode;
+use clap::ValueEnum;
+use dea_driver::wire::{Answer, Command, Mode, Reject};
+use serde::Deserialize;
 
 use super::shared::{Play, SENT_HZ};
 use crate::choice::Choice;
@@ -10,22 +12,50 @@ use crate::error::{Error, Result};
 use crate::files::import::Hints;
 use crate::files::recording::{Input, Recording};
 use crate::grid::Grid;
+use crate::link::Client;
 use crate::references::{self, Reference, Shape};
 
+/// Quantity that a controller follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum What {
+    /// The voltage that is set.
+    Voltage,
+    /// The displacement that is set, without the sensor.
+    Feedforward,
+    /// The displacement that is set, with the sensor.
+    Tracking,
+}
+
+impl From<What> for Mode {
+    fn from(what: What) -> Self {
+        match what {
+            What::Voltage => Self::Voltage,
+            What::Feedforward => Self::Feedforward,
+            What::Tracking => Self::Tracking,
+        }
+    }
+}
+
+/// The command that sets `value` (V or m) in a run of this `mode`.
+pub fn set(mode: Mode, value: f32) -> Command {
+    if mode == Mode::Voltage { Command::SetVoltage(value) } else { Command::SetReference(value) }
+}
+
+/// The largest of `values` with the reason why the board refuses it, if it does. What is beyond the limits shows before anything is enabled: a
+/// set-point within them is refused for the state alone.
+pub fn refused(client: &mut Client, mode: Mode, values: &[f32]) -> Result<Option<(f32, Error)>> {
+    let Some(&largest) = values.iter().max_by(|a, b| a.abs().total_cmp(&b.abs())) else { return Ok(None) };
+    let answer = client.ask(set(mode, largest))?;
+    Ok((answer == Answer::Rejected(Reject::Value)).then(|| (largest, client.unexpected(&answer))))
+}
+
 /// The recording that `path` has for this `mode`.
-///
-/// # Errors
-///
-/// [`Error`] naming the file.
 pub fn read(mode: Mode, path: &Path, hints: &Hints) -> Result<Recording> {
     if mode == Mode::Voltage { Recording::read_with(path, hints) } else { Recording::read_reference(path, hints) }
 }
 
 /// Values of `recording` to play, [`SENT_HZ`] a second: its displacement, or the magnitude of its voltage.
-///
-/// # Errors
-///
-/// [`Error`] naming the file where it has none.
 pub fn values(mode: Mode, recording: &Recording) -> Result<Vec<f32>> {
     if mode != Mode::Voltage {
         let (reference, _) = references::on_grid(recording, SENT_HZ)?;
@@ -40,19 +70,11 @@ pub fn values(mode: Mode, recording: &Recording) -> Result<Vec<f32>> {
 }
 
 /// The reference in the file at `path`.
-///
-/// # Errors
-///
-/// [`Error`] naming the file.
 pub fn of_file(mode: Mode, name: &str, path: &Path) -> Result<Play> {
     Ok(Play { name: name.into(), mode, values: values(mode, &read(mode, path, &Hints::default())?)? })
 }
 
 /// A shape between `low` and `high` (m, or V).
-///
-/// # Errors
-///
-/// [`Error::Field`] for sizes and times that make no sense.
 pub fn of_shape(mode: Mode, shape: Shape, [low, high]: [f64; 2], period_s: f64, duration_s: f64) -> Result<Play> {
     // Shapes are of displacements, which are small: a voltage is one of so many.
     let unit = if mode == Mode::Voltage { 1e6 } else { 1.0 };

@@ -25,7 +25,6 @@ pub struct Session {
 
 impl Session {
     /// Begins a session; a board that does not answer is looked for every second.
-    #[must_use]
     pub fn begin(place: Place) -> Self {
         let (orders, waiting) = channel();
         let live = Live { port: place.port.clone(), state: "disconnected".into(), ..Live::default() };
@@ -54,13 +53,11 @@ impl Session {
     }
 
     /// The states as they come.
-    #[must_use]
     pub fn live(&self) -> watch::Receiver<Live> {
         self.shared.live.subscribe()
     }
 
     /// Time since its start, by both clocks.
-    #[must_use]
     pub fn now(&self) -> Moment {
         self.shared.now()
     }

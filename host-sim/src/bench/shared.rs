@@ -95,7 +95,6 @@ impl<'a> Watched<'a> {
     }
 
     /// The flag that ends it.
-    #[must_use]
     pub fn stop(&self) -> &AtomicBool {
         &self.shared.stop
     }

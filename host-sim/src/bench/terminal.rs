@@ -73,19 +73,11 @@ impl Address {
     }
 
     /// Subscribes to the states.
-    ///
-    /// # Errors
-    ///
-    /// Where there is no page.
     pub fn states(&self) -> io::Result<States> {
         self.connect("GET /api/live", "").map(States)
     }
 
     /// Stops: 0 V, disarmed.
-    ///
-    /// # Errors
-    ///
-    /// Where there is no page.
     pub fn stop(&self) -> io::Result<()> {
         let mut rest = String::new();
         self.connect("POST /api", r#"{"ask":{"stop":{"by":"terminal"}}}"#)?.read_to_string(&mut rest).map(drop)
@@ -94,10 +86,6 @@ impl Address {
 
 impl States {
     /// Waits for the next one.
-    ///
-    /// # Errors
-    ///
-    /// Where the page is gone, or does not answer.
     pub fn next_state(&mut self) -> io::Result<Live> {
         loop {
             let mut line = String::new();
@@ -112,7 +100,6 @@ impl States {
 }
 
 /// A state in lines of text, the most important first.
-#[must_use]
 pub fn lines(live: &Live) -> Vec<String> {
     let number = |value: Option<f64>, factor: f64, digits: usize| {
         value.map_or("–".into(), |value| format!("{:.digits$}", factor * value))
@@ -168,10 +155,6 @@ pub fn draw(frame: &mut Frame<'_>, live: &Live, strokes: &[u64], fault: Option<&
 }
 
 /// Draws the states of `address` until a key ends it.
-///
-/// # Errors
-///
-/// Where there is no page, or no terminal.
 pub fn show(address: &Address) -> io::Result<()> {
     let states = address.states()?;
     let terminal = ratatui::try_init()?;

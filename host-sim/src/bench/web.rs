@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::convert::Infallible;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use axum::body::{Body, Bytes, to_bytes};
@@ -14,7 +14,6 @@ use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
-use dea_driver::wire::Mode;
 use futures_util::stream::unfold;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
@@ -24,9 +23,9 @@ use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
 
 use super::control::Token;
-use super::reference;
+use super::reference::{self, What};
 use super::session::Session;
-use super::shared::{Play, Sitting, Wish};
+use super::shared::{Play, Sitting, Wish, locked};
 use crate::choice::Choice;
 use crate::error::Result;
 use crate::references::Shape;
@@ -52,96 +51,47 @@ const REPORT_POLICY: &str = "sandbox allow-scripts; default-src 'none'; script-s
 /// Requests of a page.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Asked {
+enum Asked {
     /// 0 V, disarmed. Any page that knows the secret may.
-    Stop {
-        /// The button, the space bar, or a page that is hidden.
-        by: By,
-    },
+    Stop { by: By },
     /// Be the page in control.
     Control,
-    /// This page has drawn a state.
-    Drew {
-        /// Its time, ms.
-        at_ms: u64,
-    },
+    /// This page has drawn the state of this time.
+    Drew { at_ms: u64 },
     /// Enable the amplifier at 0 V.
     Arm,
     /// Follow a reference.
-    Play {
-        /// Quantity that follows it.
-        mode: What,
-        /// Which one.
-        reference: Reference,
-    },
-    /// Scale and offset (m or V) of what is played.
-    Tune {
-        /// Factor, from 0 to 2.
-        scale: f64,
-        /// In m or V.
-        offset: f64,
-    },
+    Play { mode: What, reference: Reference },
+    /// Scale, from 0 to 2, and offset (m or V) of what is played.
+    Tune { scale: f64, offset: f64 },
     /// Acknowledge a trip.
     Acknowledge,
-    /// Commission the film.
-    Commission {
-        /// Gauge under the sensor's target, as TRUE:READ; empty without one.
-        gauge: String,
-        /// Serial number of the film.
-        serial: String,
-    },
+    /// Commission the film: with a gauge under the sensor's target, as TRUE:READ or empty, and the film's serial number.
+    Commission { gauge: String, serial: String },
     /// The report of a recording or of a sitting, by its name among the files.
-    Report {
-        /// The name.
-        file: String,
-    },
+    Report { file: String },
 }
 
 /// Who stops.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum By {
-    /// The button of the page.
+enum By {
     Button,
     /// The space bar.
     Key,
     /// A page that is about to be hidden or closed.
     Hidden,
-    /// A terminal.
     Terminal,
-}
-
-/// Quantity that follows a reference.
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum What {
-    /// The voltage.
-    Voltage,
-    /// The displacement, without the sensor.
-    Feedforward,
-    /// The displacement, with the sensor.
-    Tracking,
 }
 
 /// A reference of a page.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Reference {
+enum Reference {
     /// A file among those that are offered.
     File(String),
     /// A shape, in m (or V) and s.
-    Shape {
-        /// Its name.
-        shape: String,
-        /// Lowest value after the rise.
-        low: f64,
-        /// Highest value.
-        high: f64,
-        /// Period, s.
-        period_s: f64,
-        /// Length, s.
-        duration_s: f64,
-    },
+    Shape { shape: String, low: f64, high: f64, period_s: f64, duration_s: f64 },
 }
 
 /// A request of a page: who asks, which request it is, and for which arming.
@@ -221,8 +171,8 @@ fn sitting(number: u32) -> String {
 /// An answer, or why it was refused.
 type Answered = std::result::Result<Json<Value>, (StatusCode, String)>;
 
-fn refused(status: StatusCode) -> impl Fn(&str) -> (StatusCode, String) {
-    move |why| (status, why.to_owned())
+fn no(why: impl ToString) -> (StatusCode, String) {
+    (StatusCode::CONFLICT, why.to_string())
 }
 
 /// All requests that the site answers.
@@ -331,7 +281,7 @@ async fn files(State(site): State<Arc<Site>>) -> Json<Value> {
 
 /// A report that was asked for; its address is valid as long as the tool runs.
 async fn report(State(site): State<Arc<Site>>, Path(ticket): Path<String>) -> Response {
-    let reports = site.reports.lock().unwrap_or_else(PoisonError::into_inner);
+    let reports = locked(&site.reports);
     match ticket.parse().ok().and_then(|ticket: Token| reports.get(&ticket)) {
         Some(html) => {
             let kind = (header::CONTENT_TYPE, "text/html; charset=utf-8");
@@ -344,11 +294,9 @@ async fn report(State(site): State<Arc<Site>>, Path(ticket): Path<String>) -> Re
 async fn ask(State(site): State<Arc<Site>>, body: Bytes) -> Answered {
     let envelope: Envelope =
         serde_json::from_slice(&body).map_err(|error| (StatusCode::BAD_REQUEST, error.to_string()))?;
-    let no = refused(StatusCode::CONFLICT);
     let session = &site.session;
     let now = session.now();
     let (page, number, arming) = (envelope.page, envelope.number, envelope.arming);
-    let denied = |error: super::control::Denied| no(&error.to_string());
     let page_of = || page.ok_or_else(|| no("which page?"));
     let (wish, arming) = match envelope.ask {
         Asked::Stop { by } => {
@@ -362,11 +310,11 @@ async fn ask(State(site): State<Arc<Site>>, body: Bytes) -> Answered {
         }
         Asked::Control => {
             let page = Token::random();
-            let place = session.control().take(page, now).map_err(denied)?;
+            let place = session.control().take(page, now).map_err(no)?;
             return Ok(Json(json!({ "page": page, "place": place })));
         }
         Asked::Drew { at_ms } => {
-            session.control().drew(page_of()?, Duration::from_millis(at_ms), now).map_err(denied)?;
+            session.control().drew(page_of()?, Duration::from_millis(at_ms), now).map_err(no)?;
             return Ok(Json(json!({})));
         }
         Asked::Report { file } => return make_report(&site, &file).await,
@@ -377,8 +325,8 @@ async fn ask(State(site): State<Arc<Site>>, body: Bytes) -> Answered {
                 Reference::File(name) => Some(site.file(name).ok_or_else(|| no("no such file"))?),
                 Reference::Shape { .. } => None,
             };
-            let play = tokio::task::spawn_blocking(move || reference.play(mode, wanted)).await;
-            let play = play.map_err(|error| no(&error.to_string()))?.map_err(|error| no(&error.to_string()))?;
+            let play =
+                tokio::task::spawn_blocking(move || reference.play(mode, wanted)).await.map_err(no)?.map_err(no)?;
             (Wish::Play(play), Some(arming.ok_or_else(|| no("which arming?"))?))
         }
         Asked::Tune { scale, offset } => {
@@ -391,28 +339,27 @@ async fn ask(State(site): State<Arc<Site>>, body: Bytes) -> Answered {
             let sittings =
                 site.sittings.as_ref().ok_or_else(|| no("no description of the bench was given (`board`)"))?;
             let folder = (1..).map(sitting).find(|name| !site.folder.join(name).exists()).unwrap_or_default();
-            (Wish::Commission(sittings(&folder, &gauge, &serial).map_err(|error| no(&error.to_string()))?), None)
+            (Wish::Commission(sittings(&folder, &gauge, &serial).map_err(no)?), None)
         }
     };
-    let permit = session.control().may(page_of()?, number, arming, session.now()).map_err(denied)?;
+    let permit = session.control().may(page_of()?, number, arming, session.now()).map_err(no)?;
     let armed = if let Wish::Arm(token) = &wish { Some(*token) } else { None };
     match tokio::time::timeout(DONE, session.ask(wish, permit)).await {
         Ok(Ok(Ok(()))) => Ok(Json(armed.map_or(json!({}), |arming| json!({ "arming": arming })))),
-        Ok(Ok(Err(error))) => Err(no(&error)),
+        Ok(Ok(Err(error))) => Err(no(error)),
         _ => Err((StatusCode::GATEWAY_TIMEOUT, "the board does not answer".into())),
     }
 }
 
 async fn make_report(site: &Site, name: &str) -> Answered {
-    let no = refused(StatusCode::CONFLICT);
     let path = site.file(name).ok_or_else(|| no("no such file"))?;
     let made = tokio::task::spawn_blocking(move || match path.extension().is_some_and(|ending| ending == "html") {
         true => std::fs::read_to_string(&path).map_err(|error| error.to_string()),
         false => run_page::html(&path).map_err(|error| error.to_string()),
     });
-    let html = made.await.map_err(|error| no(&error.to_string()))?.map_err(|error| no(&error))?;
+    let html = made.await.map_err(no)?.map_err(no)?;
     let ticket = Token::random();
-    let mut reports = site.reports.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut reports = locked(&site.reports);
     if reports.len() >= 8 {
         reports.clear();
     }
@@ -423,11 +370,7 @@ async fn make_report(site: &Site, name: &str) -> Answered {
 impl Reference {
     /// The values, of the file at `path` or of the shape.
     fn play(&self, what: What, path: Option<PathBuf>) -> Result<Play> {
-        let mode = match what {
-            What::Voltage => Mode::Voltage,
-            What::Feedforward => Mode::Feedforward,
-            What::Tracking => Mode::Tracking,
-        };
+        let mode = what.into();
         match (self, path) {
             (Self::Shape { shape, low, high, period_s, duration_s }, _) => {
                 let shape = Shape::from_name(shape).unwrap_or(Shape::Sine);

@@ -1,21 +1,13 @@
 //! `amplifier`: how fast an amplifier follows, from a log of command and monitor.
 
-use std::path::{Path, PathBuf};
-
-use clap::Args;
-use serde::Serialize;
-
 use super::options;
+use super::prelude::*;
 use super::recordings::{self, RecordingOptions};
 use crate::amplifier::{self, Identification, Interval, Time};
-use crate::error::{Error, Result, shown};
 use crate::files::amplifier_log::AmplifierLog;
-use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
-use crate::progress::Progress;
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::{Plot, PlotOption};
-use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -83,11 +75,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         return Err(Error::file(&arguments.log, report.not_determined.join("; ")));
     }
     let figure = || Figure::new("How fast the amplifier follows", panels(&log, &identified));
-    let drawn = plot.stage(&report, figure)?;
-    if let (Some(parameters), Some(out), Some((rise_s, fall_s))) = (parameters, &arguments.out, times) {
-        write(out, parameters, rise_s, fall_s)?;
-    }
-    drawn.map_or(Ok(()), Staged::commit)?;
+    let written = match (parameters, &arguments.out, times) {
+        (Some(parameters), Some(out), Some(times)) => Some(stage(out, parameters, times)?),
+        _ => None,
+    };
+    plot.write(&report, written, figure)?;
     terminal::warnings(json, &report.warnings);
     terminal::report(json, &report, || text(&report))
 }
@@ -97,18 +89,16 @@ impl Arguments {
     fn check_outputs(&self) -> Result<Plot> {
         let read: Vec<&Path> =
             [Some(self.log.as_path()), self.params.as_deref().map(Path::new)].into_iter().flatten().collect();
-        let plot = self.plot.check(&read, self.out.as_deref().as_slice())?;
-        self.out.iter().try_for_each(|path| output::check(path, &read, Folders::Exist))?;
-        Ok(plot)
+        self.plot.check_beside(&read, self.out.as_deref())
     }
 }
 
-/// Writes `parameters` with the times (s) to `out`.
-fn write(out: &Path, mut parameters: Parameters, rise_s: f64, fall_s: f64) -> Result<()> {
+/// The file `out` with `parameters` and the times (s).
+fn stage(out: &Path, mut parameters: Parameters, (rise_s, fall_s): (f64, f64)) -> Result<Staged> {
     let mut board = parameters.board_or_bench(1000.0);
     (board.amplifier_lag.rise_s, board.amplifier_lag.fall_s) = (written(rise_s), written(fall_s));
     parameters.board = Some(board);
-    output::write_whole(out, |file| file.write_all(parameters.to_toml().as_bytes()))
+    Staged::new(out, |file| file.write_all(parameters.to_toml().as_bytes()))
 }
 
 impl Report {

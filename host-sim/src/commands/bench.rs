@@ -2,25 +2,21 @@
 
 use std::fs;
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use clap::Args;
 use tokio::net::TcpListener;
 
-use super::choice::named;
-use super::{board_rate, commission, options, with_flags};
+use super::prelude::*;
+use super::{commission, options};
 use crate::bench::session::Session;
 use crate::bench::shared::Place;
 use crate::bench::terminal::{self as window, Address};
 use crate::bench::web::{self, Site};
-use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folder};
+use crate::interrupt;
 use crate::simulation::board::SimulatedBoard;
 use crate::simulation::film;
-use crate::{interrupt, terminal};
 
 /// The address of the page, for `monitor`, in the folder.
 const ADDRESS: &str = "bench.url";
@@ -91,15 +87,9 @@ pub(super) fn simulated(film: film::Plant, params: &Path, reference: &Path, out:
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let blob = match &arguments.params {
-        None => None,
-        Some(name) => {
-            let parameters = options::load(name)?;
-            let bench = arguments.bench || arguments.film.plant.is_some();
-            let blob = parameters.blob_to_drive(board_rate(1000.0)?, bench);
-            Some(blob.map_err(|e| e.about(name, name.as_ref()))?)
-        }
-    };
+    let is_bench = arguments.bench || arguments.film.plant.is_some();
+    let blob = |name: &String| options::blob_to_drive(name, &options::load(name)?, 1000.0, is_bench);
+    let blob = arguments.params.as_ref().map(blob).transpose()?;
     for reference in &arguments.reference {
         fs::metadata(reference).map_err(|e| Error::file(reference, e))?;
     }
@@ -119,7 +109,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         let refused = |e: std::io::Error| Error::field("listen", format!("{}: {e}", arguments.listen));
         let listener = TcpListener::bind(arguments.listen).await.map_err(refused)?;
         let own = listener.local_addr().map_err(refused)?;
-        let mut site = Site::new(Session::begin(place), hosts(own), arguments.out.clone());
+        let hosts = vec![own.to_string(), format!("localhost:{}", own.port())];
+        let mut site = Site::new(Session::begin(place), hosts, arguments.out.clone());
         site.references.clone_from(&arguments.reference);
         site.sittings = commissioning;
         let address = format!("http://{own}/#{}", site.secret);
@@ -138,11 +129,6 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     drop(simulated);
     drop(folder);
     served
-}
-
-/// Names of this site in a request.
-fn hosts(own: SocketAddr) -> Vec<String> {
-    vec![own.to_string(), format!("localhost:{}", own.port())]
 }
 
 async fn ended(stop: &AtomicBool) {

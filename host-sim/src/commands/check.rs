@@ -1,17 +1,12 @@
 //! `check`: whether recordings identify a film.
 
 use std::fmt::Write;
-use std::path::PathBuf;
 
-use clap::Args;
-use serde::Serialize;
-
+use super::prelude::*;
 use super::recordings::{self, RawOptions};
-use super::{Verdict, self_sensing, with_flags};
-use crate::error::Result;
+use super::{Verdict, self_sensing};
 use crate::excitation::check::{self, Facts, Report, Severity};
 use crate::files::recording::Recording;
-use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

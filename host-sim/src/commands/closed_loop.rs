@@ -1,23 +1,17 @@
 //! `closed-loop`: a controller follows a reference on a simulated film.
 
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
 
-use clap::Args;
-use serde::Serialize;
 use springpot::{AmplifierLag, CommandLimits, SelfSensing};
 
-use super::choice::named;
 use super::options::{self, AtTemperature, LimitOptions};
+use super::prelude::*;
 use super::recordings::{RecordingOptions, report_sampling};
 use crate::choice::Choice;
-use crate::error::{Error, Result, shown};
 use crate::files::capacitance::CapacitanceFile;
-use crate::files::output::{self, Folders, Staged};
 use crate::files::recording::Recording;
 use crate::grid::Grid;
-use crate::progress::Progress;
-use crate::quantity::{self, at_most, positive};
+use crate::quantity::{at_most, positive};
 use crate::references;
 use crate::replay::feasibility;
 use crate::replay::memory::Precision;
@@ -31,7 +25,7 @@ use crate::simulation::film::{self, Film};
 use crate::simulation::plant::{FullMemoryPlant, Mismatch, NonlinearPlant};
 use crate::simulation::self_sensed::{self, SensedBench};
 use crate::simulation::tuning::ControllerTuning;
-use crate::terminal::{self, decimals};
+use crate::terminal::decimals;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -264,10 +258,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let mut controller =
         controllers::build(arguments.controller, &parameters, &settings, arguments.precision).map_err(about)?;
 
+    let bar = Progress::over(grid.samples as u64, "closed loop");
     let run = match &own_sensor {
-        Some(file) => arguments.tracked_by_itself(file, controller.as_mut(), (&reference, grid), mismatch),
-        None => arguments.tracked(&bench, controller.as_mut(), (&reference, grid), mismatch),
+        Some(file) => arguments.tracked_by_itself(file, controller.as_mut(), (&reference, grid), mismatch, &bar),
+        None => arguments.tracked(&bench, controller.as_mut(), (&reference, grid), mismatch, &bar),
     };
+    bar.finish_and_clear();
     let run = run.map_err(about)?;
     let is_chosen = arguments.bandwidth.is_none() && arguments.controller.has_observer();
     let bandwidth_note = || parameters.bandwidth_note(arguments.rate, settings.observer.bandwidth_hz);
@@ -285,8 +281,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let out = arguments.out.as_deref().map(|path| stage(path, &run, grid, arguments.step(&asked))).transpose()?;
     let name = arguments.controller.name();
     let figure = || Figure::new(format!("Closed loop: {name}"), tracking_figure::panels(&[(name, &run)], grid));
-    let drawn = plot.stage(&report, figure)?;
-    out.into_iter().chain(drawn).try_for_each(Staged::commit)?;
+    plot.write(&report, out, figure)?;
     let beyond = feasibility::beyond_board(&parameters, &reference);
     let notes = [&report.field_note, &report.bandwidth_note, &report.cycles_note, &beyond];
     terminal::warnings(json, notes.into_iter().flatten());
@@ -321,33 +316,29 @@ impl Arguments {
         controller: &mut (dyn Controller + Send),
         (reference, grid): (&[f64], Grid),
         mismatch: Mismatch,
+        bar: &Progress,
     ) -> Result<LoopRun> {
-        let bar = Progress::over(grid.samples as u64, "closed loop");
-        let run = match &self.plant {
+        match &self.plant {
             PlantChoice::Nonlinear(_) if self.plant_temperature.is_some() => {
-                return Err(Error::field(
-                    "plant_temperature",
-                    "this film has no temperature; name a parameter file as `plant`",
-                ));
+                let cause = "this film has no temperature; name a parameter file as `plant`";
+                Err(Error::field("plant_temperature", cause))
             }
             PlantChoice::Nonlinear(_) if mismatch.alpha != 1.0 => {
                 let cause = "alpha: this film has no springpots; its stiffness may differ";
-                return Err(Error::field("plant_mismatch", cause));
+                Err(Error::field("plant_mismatch", cause))
             }
             PlantChoice::Nonlinear(film) => {
                 let film = Film::new(*film).stiffened(mismatch.stiffness);
-                closed_loop::track(&film, bench, controller, reference, grid, &bar)
+                closed_loop::track(&film, bench, controller, reference, grid, bar)
             }
             PlantChoice::Parameters(name) => {
                 let film = options::load_at(name, "plant_temperature", self.plant_temperature)?;
                 let (substeps, substep_s) = closed_loop::substeps(grid);
                 let mut plant = FullMemoryPlant::at_rest(&film, mismatch, substep_s, substeps * grid.samples)
                     .map_err(|error| error.about(name, &self.reference))?;
-                closed_loop::track_plant(&mut plant, bench, controller, reference, grid, &bar)
+                closed_loop::track_plant(&mut plant, bench, controller, reference, grid, bar)
             }
-        };
-        bar.finish_and_clear();
-        run
+        }
     }
 
     /// The run of `controller` along `reference` on the film as its own sensor.
@@ -357,12 +348,11 @@ impl Arguments {
         controller: &mut (dyn Controller + Send),
         (reference, grid): (&[f64], Grid),
         mismatch: Mismatch,
+        bar: &Progress,
     ) -> Result<LoopRun> {
         let PlantChoice::Nonlinear(film) = &self.plant else {
-            return Err(Error::field(
-                "self_sensing",
-                "the film of a parameter file has no circuit; use hossain or wang",
-            ));
+            let cause = "the film of a parameter file has no circuit; use hossain or wang";
+            return Err(Error::field("self_sensing", cause));
         };
         // At rest where it was: its capacitance is that of the file.
         let film = Film::new(*film).warmed(mismatch.stiffness, 1.0);
@@ -373,11 +363,7 @@ impl Arguments {
         let circuit = FilmCircuit::of_film(&film);
         let mut bench =
             ElectricalBench::new(circuit, Monitors::default(), &mut plant, (substeps, grid.step_s()), self.seed);
-        let bar = Progress::over(grid.samples as u64, "closed loop");
-        let run =
-            self_sensed::track(&mut SensedBench::at_rest(&mut bench, &sensing), controller, reference, grid, &bar);
-        bar.finish_and_clear();
-        run
+        self_sensed::track(&mut SensedBench::at_rest(&mut bench, &sensing), controller, reference, grid, bar)
     }
 
     /// Steps from one row that is written to the next.
@@ -397,10 +383,7 @@ impl Arguments {
             .chain(plant)
             .chain(self.self_sensing.as_deref())
             .collect();
-        let out = self.out.as_deref();
-        let plot = self.plot.check(&read, out.as_slice())?;
-        out.map_or(Ok(()), |path| output::check(path, &read, Folders::Exist))?;
-        Ok(plot)
+        self.plot.check_beside(&read, self.out.as_deref())
     }
 }
 

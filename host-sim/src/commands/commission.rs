@@ -3,36 +3,30 @@
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use clap::{Args, Parser};
+use clap::Parser;
 use dea_driver::wire::Identity;
-use serde::Serialize;
 
-use super::choice::named;
+use super::Verdict;
 use super::link::LinkedBench;
-use super::{Verdict, with_flags};
+use super::prelude::*;
 use crate::bench::shared::Watched;
 use crate::bench::web::Sittings;
 use crate::choice::Choice;
-use crate::commission::bench::Pilot;
 use crate::commission::simulated::{Fault, FaultKind, SimulatedBench};
-use crate::commission::{self, Bench, Check, Finding, Mode, Plan, Report, Step};
-use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folder, Folders};
+use crate::commission::{self, Bench, Finding, Plan, Report, Step};
 use crate::files::parameters::Parameters;
 use crate::files::seal;
 use crate::fit::report::Origin;
 use crate::interrupt;
 use crate::link::{Client, Port};
-use crate::progress::{Progress, Stage};
-use crate::quantity::{self, at_most, positive};
+use crate::progress::Stage;
+use crate::quantity::{at_most, positive};
 use crate::report::numbers::Document;
 use crate::report::{origin, record_page};
 use crate::simulation::film::{self, Film, Instruments};
 use crate::simulation::plant::NonlinearPlant;
-use crate::terminal;
 
 /// The record, and its page.
 const RECORD: &str = "record.json";
@@ -316,51 +310,12 @@ pub(super) fn sittings(board: &str, out: &Path) -> Result<Sittings> {
         let plan = arguments.plan()?;
         Ok(Box::new(move |client: &mut Client, identity: &Identity, watched: &Watched<'_>| {
             let folder = arguments.check(&plan)?;
-            let mut bench = Shown { bench: LinkedBench::new(client, identity, watched.stop()), watched };
+            let mut bench = LinkedBench::new(client, identity, watched.stop()).shown_by(watched);
             let report = arguments.sitting(&plan, &mut bench, watched.stop(), &|stage| watched.step(stage))?;
             drop(folder);
             Ok(format!("{} {}", report.verdict.sentence, report.verdict.next))
         }))
     }))
-}
-
-/// A bench whose rows a page shows.
-struct Shown<'a> {
-    bench: LinkedBench<'a>,
-    watched: &'a Watched<'a>,
-}
-
-impl Bench for Shown<'_> {
-    fn name(&self) -> String {
-        self.bench.name()
-    }
-
-    fn firmware(&self) -> String {
-        self.bench.firmware()
-    }
-
-    fn self_test(&mut self) -> Result<Vec<Check>> {
-        self.bench.self_test()
-    }
-
-    fn install(&mut self, parameters: &Parameters, keep: bool) -> Result<u32> {
-        self.bench.install(parameters, keep)
-    }
-
-    fn restore(&mut self) -> Result<()> {
-        self.bench.restore()
-    }
-
-    fn run(&mut self, mode: Mode, pilot: &mut Pilot<'_>) -> Result<Option<String>> {
-        self.bench.run(mode, &mut |row| {
-            self.watched.row(row);
-            pilot(row)
-        })
-    }
-
-    fn gauge(&mut self, displacement_m: f64) -> Option<f64> {
-        self.bench.gauge(displacement_m)
-    }
 }
 
 fn text(report: &Report, record: &Path) -> String {

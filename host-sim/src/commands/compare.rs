@@ -1,32 +1,23 @@
 //! `compare`: other models of creep on the same recordings.
 
 use std::fmt::Write;
-use std::iter;
-use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use clap::Args;
-use serde::Serialize;
-
-use super::choice::named;
 use super::options;
+use super::prelude::*;
 use super::recordings::RecordingOptions;
-use crate::error::{Result, shown};
-use crate::files::output::Staged;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::Settings;
 use crate::fit::observation::{Observation, observe_all, observe_prepared};
 use crate::fit::preparation::{Preparation, Window};
 use crate::fit::settings::{assumed_actuator, checked_starts};
-use crate::progress::Progress;
-use crate::quantity::{self, positive};
+use crate::quantity::positive;
 use crate::report::figure::Figure;
 use crate::report::figure_file::PlotOption;
 use crate::report::model_figure;
 use crate::report::numbers::{Form, Numbers};
-use crate::report::page::{self, Row, Section};
+use crate::report::page::{Cell, Section, list};
 use crate::studies::compare::{self, ModelRow};
-use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -88,7 +79,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let report = Report { recordings: arguments.recordings.iter().map(|path| shown(path)).collect(), models };
     let title = "Models of creep on the same recordings";
     let figure = || Figure::new(title, model_figure::panels(&report.models));
-    let drawn = plot.stage_with(&report, |numbers| vec![section(numbers)], figure)?;
+    let drawn = plot.stage(&report, |numbers| vec![section(numbers)], figure)?;
     drawn.map_or(Ok(()), Staged::commit)?;
     terminal::report(json, &report, || text(&report))
 }
@@ -102,25 +93,21 @@ fn within(recordings: &[Recording], drive: Direction, window: Window) -> Result<
 
 /// The table of the models on a page.
 fn section(numbers: &Numbers<'_>) -> Section {
-    let columns = [
-        ("parameters", "/parameters", Form::Fixed(0)),
-        ("R²", "/r2_mean", Form::Fixed(6)),
-        ("NRMSE %", "/nrmse_pct", Form::Fixed(3)),
-        ("left out, NRMSE %", "/left_out_nrmse_pct", Form::Fixed(3)),
-        ("beyond, %", "/beyond_pct", Form::Fixed(3)),
-        ("ns/step", "/step_ns", Form::Fixed(1)),
-    ];
-    let models = numbers.at("/models").rows();
+    let models = numbers.at("/models");
     // What is known of no model has no column.
-    let is_known = |path: &str| models.iter().any(|model| !model.at(path).value().is_null());
-    let columns: Vec<_> = columns.into_iter().filter(|(_, path, _)| is_known(path)).collect();
-    let row = |model: &Numbers<'_>| {
-        let cells = columns.iter().map(|(_, path, form)| model.number(path, *form));
-        Row::new(iter::once(page::text(model.text("/model"))).chain(cells).collect())
-    };
-    let header: Vec<&str> = iter::once("model").chain(columns.iter().map(|(name, ..)| *name)).collect();
-    let rows: Vec<Row> = models.iter().map(row).collect();
-    Section::new("models", "Models", page::table("Models of creep", &header, &rows))
+    let is_known = |path: &str| models.rows().iter().any(|model| !model.at(path).value().is_null());
+    let mut columns = vec![("model", Cell::Text("/model"))];
+    for (title, path, decimals) in [
+        ("parameters", "/parameters", 0),
+        ("R²", "/r2_mean", 6),
+        ("NRMSE %", "/nrmse_pct", 3),
+        ("left out, NRMSE %", "/left_out_nrmse_pct", 3),
+        ("beyond, %", "/beyond_pct", 3),
+        ("ns/step", "/step_ns", 1),
+    ] {
+        columns.extend(is_known(path).then_some((title, Cell::Number(path, Form::Fixed(decimals)))));
+    }
+    Section::new("models", "Models", list("Models of creep", &columns, &models))
 }
 
 fn text(report: &Report) -> String {

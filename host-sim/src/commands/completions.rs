@@ -1,11 +1,8 @@
 //! `completions`: what makes a shell complete the options of this tool.
 
-use clap::Args;
 use clap_complete::Shell;
-use serde::Serialize;
 
-use crate::error::{Error, Result};
-use crate::terminal;
+use super::prelude::*;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

@@ -1,19 +1,10 @@
 //! `convert`: a material test, or a file of a testing machine, as a recording of a body.
 
-use std::path::PathBuf;
-
-use clap::Args;
-use serde::Serialize;
-
-use super::choice::named;
+use super::prelude::*;
 use super::recordings::{self, RecordingOptions};
-use super::with_flags;
-use crate::error::{Result, shown};
 use crate::files::material_test::{MaterialTest, Strain};
-use crate::files::output::{self, Folders};
 use crate::files::parameters::plausibility;
-use crate::quantity;
-use crate::terminal::{self, decimals};
+use crate::terminal::decimals;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

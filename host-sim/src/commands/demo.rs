@@ -4,25 +4,21 @@ mod firmware;
 mod page;
 mod table;
 
-use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-use clap::Args;
-use serde::Serialize;
 use springpot::{Actuator, Topology};
 
 use self::firmware::Firmware;
 use super::fit::{Done, Job};
 use super::following::{Followed, Following, REFITTED_FILM, SIMULATED_FILM, Sine};
+use super::prelude::*;
 use super::recordings::RecordingOptions;
 use super::{bench, feedforward as feedforward_command, options, replay};
-use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::{FitReport, Settings, observation};
 use crate::grid::Grid;
-use crate::progress::Progress;
+use crate::interrupt;
 use crate::replay::comparison::Comparison;
 use crate::replay::memory::RunOptions;
 use crate::report::fit_page::FitPage;
@@ -31,7 +27,6 @@ use crate::report::page::Section;
 use crate::simulation::film::{Film, Instruments, Plant, Waveform};
 use crate::simulation::film_recording::FilmRecording;
 use crate::simulation::plant::{NonlinearPlant, Plant as Moving};
-use crate::{interrupt, terminal};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

@@ -1,16 +1,11 @@
 //! `export`: writes the parameter blob for the firmware, or the law of a film in another language.
 
-use std::path::PathBuf;
-
-use clap::Args;
 use host_emit::output::{Emit, Output};
-use serde::Serialize;
 
-use super::choice::named;
 use super::options::{self, LawOptions};
+use super::prelude::*;
 use crate::compression::Compression;
-use crate::error::{Error, Result, shown};
-use crate::terminal::{self, rounded};
+use crate::terminal::rounded;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

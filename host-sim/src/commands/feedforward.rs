@@ -1,17 +1,10 @@
 //! `feedforward`: the voltage that makes the film follow a reference, or whether there is one.
 
-use std::path::{Path, PathBuf};
-
-use clap::Args;
-use serde::Serialize;
-
 use super::Verdict;
 use super::options::{self, LimitOptions, RunArguments};
+use super::prelude::*;
 use super::recordings::RecordingOptions;
-use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
-use crate::progress::Progress;
 use crate::replay::expectation::{Expectation, Recorded};
 use crate::replay::feasibility::{self, Binding, Feasibility, Limit, Smaller};
 use crate::replay::feedforward::{self, VoltagePlan};
@@ -19,7 +12,7 @@ use crate::report::axis::{DISPLACEMENT, MICROMETRES, VOLTAGE};
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
 use crate::simulation::closed_loop::LimitShare;
-use crate::terminal::{self, decimals};
+use crate::terminal::decimals;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -71,8 +64,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     let (reference, grid) = arguments.reading.reference(&arguments.reference, options.rate_hz)?;
     let about = |error: Error| error.about(&arguments.model.law.params, &arguments.reference);
     let inputs = [arguments.reference.as_path(), arguments.model.law.params.as_ref()];
-    let plot = arguments.plot.check(&inputs, arguments.out.as_deref().as_slice())?;
-    arguments.out.iter().try_for_each(|out| output::check(out, &inputs, Folders::Exist))?;
+    let plot = arguments.plot.check_beside(&inputs, arguments.out.as_deref())?;
     let check =
         arguments.check.then(|| feasibility::check_and_mend(&parameters, &reference, grid, &limits)).transpose();
     let mut report = Report {
@@ -95,11 +87,13 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
         let bar = Progress::over(grid.samples as u64, "feedforward");
         let plan = feedforward::plan(&parameters, &reference, grid, &options, limits, &bar).map_err(about)?;
         bar.finish_and_clear();
-        report.add(&plan);
+        let met = plan.limited.iter().filter(|limited| !limited.is_none()).count();
+        report.limited_pct = Some(100.0 * met as f64 / report.samples as f64);
+        report.limits_met = Some(LimitShare::from_limited(&plan.limited));
+        report.largest_voltage_v = Some(plan.voltage_v.iter().copied().fold(0.0, f64::max));
         let table = arguments.out.as_deref().map(|out| stage(out, grid, &plan)).transpose()?;
         let title = format!("Feedforward along {}", shown(&arguments.reference));
-        let drawn = plot.stage(&report, || Figure::new(title, panels(&reference, &plan, grid)))?;
-        table.into_iter().chain(drawn).try_for_each(Staged::commit)?;
+        plot.write(&report, table, || Figure::new(title, panels(&reference, &plan, grid)))?;
     }
     terminal::warnings(json, &report.field_note);
     if report.check.is_none() {
@@ -107,15 +101,6 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     }
     terminal::report(json, &report, || text(&report))?;
     Ok(if report.check.is_none_or(|check| check.feasible) { Verdict::Yes } else { Verdict::No })
-}
-
-impl Report {
-    fn add(&mut self, plan: &VoltagePlan) {
-        let met = plan.limited.iter().filter(|limited| !limited.is_none()).count();
-        self.limited_pct = Some(100.0 * met as f64 / self.samples as f64);
-        self.limits_met = Some(LimitShare::from_limited(&plan.limited));
-        self.largest_voltage_v = Some(plan.voltage_v.iter().copied().fold(0.0, f64::max));
-    }
 }
 
 /// The file of `plan`: a recording that `simulate` can play back.
@@ -232,38 +217,22 @@ fn panels(reference: &[f64], plan: &VoltagePlan, grid: Grid) -> Vec<Panel> {
 /// A limit that is not kept, in a line.
 fn limit(binding: &Binding) -> String {
     let Binding { limit, needed, allowed, at_s } = *binding;
-    let volts = |volts: f64| format!("{} V", decimals(volts, 0));
-    let kilo = |slew: f64| format!("{} kV/s", decimals(1e-3 * slew, 2));
-    let (what, needed, allowed) = match limit {
-        Limit::Force => {
-            ("force", format!("{} N", decimals(needed, 3)), "0 N or more (voltage only stretches a film)".into())
-        }
-        Limit::Voltage => ("voltage", volts(needed), format!("{} (--max-voltage)", volts(allowed))),
-        Limit::Field => {
-            let mega = |field: f64| format!("{} MV/m", decimals(1e-6 * field, 2));
-            ("field", mega(needed), format!("{} (--max-field)", mega(allowed)))
-        }
-        Limit::Slew => ("change of the voltage", kilo(needed), format!("{} (--max-slew)", kilo(allowed))),
-        Limit::Velocity => {
-            let milli = |speed: f64| format!("{} mm/s", decimals(1e3 * speed, 1));
-            ("speed", milli(needed), format!("{} (--max-velocity)", milli(allowed)))
-        }
-        Limit::Acceleration => {
-            let milli = |change: f64| format!("{} mm/s²", decimals(1e3 * change, 2));
-            ("acceleration", milli(needed), format!("{} (--max-acceleration)", milli(allowed)))
-        }
-        Limit::Displacement => {
-            let milli = |metres: f64| format!("{} mm", decimals(1e3 * metres, 3));
-            ("displacement", milli(needed), format!("{} (max_displacement_m of board.limits)", milli(allowed)))
-        }
-        Limit::Fall => (
-            "fall of the voltage",
-            kilo(needed),
-            format!("{} by the bleeder (fall_s of board.amplifier)", kilo(allowed)),
-        ),
-        Limit::Lead => {
-            ("command ahead of the amplifier's lag", volts(needed), format!("{} (--max-voltage)", volts(allowed)))
-        }
+    let (what, per_si, digits, unit, source) = match limit {
+        Limit::Force => ("force", 1.0, 3, "N", ""),
+        Limit::Voltage => ("voltage", 1.0, 0, "V", " (--max-voltage)"),
+        Limit::Field => ("field", 1e-6, 2, "MV/m", " (--max-field)"),
+        Limit::Slew => ("change of the voltage", 1e-3, 2, "kV/s", " (--max-slew)"),
+        Limit::Velocity => ("speed", 1e3, 1, "mm/s", " (--max-velocity)"),
+        Limit::Acceleration => ("acceleration", 1e3, 2, "mm/s²", " (--max-acceleration)"),
+        Limit::Displacement => ("displacement", 1e3, 3, "mm", " (max_displacement_m of board.limits)"),
+        Limit::Fall => ("fall of the voltage", 1e-3, 2, "kV/s", " by the bleeder (fall_s of board.amplifier)"),
+        Limit::Lead => ("command ahead of the amplifier's lag", 1.0, 0, "V", " (--max-voltage)"),
+    };
+    let shown = |value: f64| format!("{} {unit}", decimals(per_si * value, digits));
+    let needed = shown(needed);
+    let allowed = match limit {
+        Limit::Force => "0 N or more (voltage only stretches a film)".into(),
+        _ => shown(allowed) + source,
     };
     format!("limit: {what}: {needed} needed at {at_s:.3} s, {allowed} allowed")
 }

@@ -4,20 +4,19 @@ use std::f64::consts::PI;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use maud::{Markup, html};
-use serde::Serialize;
 use springpot::CommandLimits;
 
+use super::prelude::*;
 use crate::choice::Choice;
-use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::grid::Grid;
-use crate::progress::Progress;
 use crate::references::{Reference, Shape};
 use crate::replay::expectation::Recorded;
 use crate::replay::feasibility::{self, Feasibility};
 use crate::replay::feedforward::{self, VoltagePlan};
 use crate::replay::limits::command_limits;
 use crate::replay::memory::{Precision, RunOptions};
+use crate::report::axis::DISPLACEMENT;
 use crate::report::chart;
 use crate::report::figure::{Colour, Line, Panel};
 use crate::report::fit_page::Picture;
@@ -251,7 +250,6 @@ fn verdict(rows: &[LoopRow]) -> Option<String> {
 }
 
 fn panel(sine: &Sine) -> Panel {
-    let millimetres: Vec<f64> = sine.values.iter().map(|x| 1e3 * x).collect();
-    Panel::new("Reference", "time (s)", "displacement (mm)")
-        .with(Line::new("reference", &sine.grid.times_s(), &millimetres).coloured(Colour::Green))
+    let line = Line::new("reference", &sine.grid.times_s(), &DISPLACEMENT.transform(&sine.values));
+    Panel::new("Reference", "time (s)", DISPLACEMENT.label()).with(line.coloured(Colour::Green))
 }

@@ -1,19 +1,11 @@
 //! `frequency-response`: displacement over force against frequency.
 
-use std::path::PathBuf;
-
-use clap::Args;
-use serde::Serialize;
-
 use super::options::AtTemperature;
-use crate::error::{Result, shown};
-use crate::files::output::{self, Folders, Staged};
-use crate::quantity;
+use super::prelude::*;
 use crate::replay::frequency_response::{Response, Sweep};
 use crate::report::figure::Figure;
 use crate::report::figure_file::PlotOption;
 use crate::report::response_figure;
-use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -60,8 +52,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let sweep = Sweep { from_hz: from, to_hz: to, points, at_m: at, law_hz: law };
     sweep.check()?;
     let parameters = arguments.temperature.load(&arguments.params)?;
-    output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
-    let plot = arguments.plot.check(&[arguments.params.as_ref()], &[&arguments.out])?;
+    let plot = arguments.plot.check_beside(&[arguments.params.as_ref()], Some(&arguments.out))?;
     let Response { frequency_hz, magnitude_m_per_n, phase_rad } =
         sweep.run(&parameters).map_err(|e| e.about(&arguments.params, &arguments.out))?;
     let table = output::stage_columns(
@@ -74,10 +65,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     )?;
     let report = Report { out: shown(&arguments.out), points: arguments.points, discrete: arguments.discrete };
     let title = format!("Frequency response of {}", parameters.name);
-    let drawn = plot.stage(&report, || {
+    plot.write(&report, [table], || {
         Figure::new(title, response_figure::bode_panels(&frequency_hz, &magnitude_m_per_n, &phase_rad).into())
     })?;
-    [Some(table), drawn].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || {
         let kind = law.map_or_else(|| "Eq. 11".into(), |rate| format!("the law at {rate} Hz"));
         format!("{}: {} frequencies of {kind}", report.out, report.points)

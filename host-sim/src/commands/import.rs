@@ -1,22 +1,13 @@
 //! `import`: files of other programs as recordings.
 
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
-
-use clap::Args;
-use serde::Serialize;
-
+use super::prelude::*;
 use super::recordings::RawOptions;
-use super::with_flags;
 use crate::choice::Choice;
-use crate::error::{Error, Result, shown};
 use crate::files::import::{Blank, By, Edits, Hints, Quantity, Series, Understood, UnderstoodColumn};
-use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::recording::Recording;
 use crate::grid::{peak, range};
-use crate::quantity;
 use crate::statistics::median;
-use crate::terminal::{self, rounded};
+use crate::terminal::rounded;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -190,6 +181,11 @@ impl Range {
         let empty = values.iter().filter(|value| value.is_nan()).count();
         (low <= high).then_some(Self { quantity, low, high, empty })
     }
+
+    fn text(&self) -> String {
+        let empty = if self.empty > 0 { format!(", {} empty", self.empty) } else { String::new() };
+        format!("{} to {} {}{empty}", rounded(self.low), rounded(self.high), self.quantity.si_unit())
+    }
 }
 
 fn stage(out: &Path, recording: &Recording) -> Result<Staged> {
@@ -213,55 +209,35 @@ fn origin(column: &UnderstoodColumn) -> String {
 }
 
 fn text(file: &Imported) -> String {
-    let mut text = format!("{}: {}", file.understood.file, file.understood.format);
-    if file.understood.preamble_lines > 0 {
-        let lines = file.understood.preamble_lines;
-        let _ = write!(text, ", {lines} {} above the header", if lines == 1 { "line" } else { "lines" });
+    let Imported { understood, rows, .. } = file;
+    let lines_above = match understood.preamble_lines {
+        0 => String::new(),
+        1 => ", 1 line above the header".into(),
+        lines => format!(", {lines} lines above the header"),
+    };
+    let mut lines = vec![format!("{}: {}{lines_above}", understood.file, understood.format)];
+    let line = |name: &str, what: &str| format!("{name:12} {what}");
+    let (times, others): (Vec<_>, Vec<_>) =
+        understood.columns.iter().partition(|column| column.quantity == Quantity::Time);
+    let time = times.first().map_or_else(|| "from the rate of the rows".into(), |column| origin(column));
+    let (rate_hz, duration_s) = (rounded(file.rate_hz), rounded(file.duration_s));
+    lines.push(line("time", &format!("{time}: {rows} rows at {rate_hz} Hz, {duration_s} s")));
+    for column in others {
+        let values = file.range(column.quantity).map_or_else(|| "empty".into(), Range::text);
+        lines.push(line(column.quantity.name(), &format!("{}: {values}", origin(column))));
     }
-    let time = file.understood.columns.iter().find(|column| column.quantity == Quantity::Time);
-    let _ = write!(
-        text,
-        "\n  {:12} {}: {} rows at {} Hz, {} s",
-        "time",
-        time.map_or_else(|| "from the rate of the rows".into(), origin),
-        file.rows,
-        rounded(file.rate_hz),
-        rounded(file.duration_s)
-    );
-    for column in file.understood.columns.iter().filter(|column| column.quantity != Quantity::Time) {
-        let _ = write!(text, "\n  {:12} {}", column.quantity.name(), origin(column));
-        let si = column.quantity.si_unit();
-        match file.range(column.quantity) {
-            Some(range) => {
-                let _ = write!(text, ": {} to {} {si}", rounded(range.low), rounded(range.high));
-                if range.empty > 0 {
-                    let _ = write!(text, ", {} empty", range.empty);
-                }
-            }
-            None => text.push_str(": empty"),
-        }
-    }
-    if !file.understood.ignored.is_empty() {
-        let _ = write!(text, "\n  {:12} {}", "ignored", file.understood.ignored.join(", "));
+    if !understood.ignored.is_empty() {
+        lines.push(line("ignored", &understood.ignored.join(", ")));
     }
     if file.gaps > 0 {
-        let _ = write!(
-            text,
-            "\n  {:12} {} in the rows, the longest of {} s",
-            "gaps",
-            file.gaps,
-            rounded(file.longest_gap_s)
-        );
+        let longest_s = rounded(file.longest_gap_s);
+        lines.push(line("gaps", &format!("{} in the rows, the longest of {longest_s} s", file.gaps)));
     }
     if file.blanked > 0 {
-        let _ = write!(text, "\n  {:12} {} readings", "blanked", file.blanked);
+        lines.push(line("blanked", &format!("{} readings", file.blanked)));
     }
-    for note in &file.understood.notes {
-        let _ = write!(text, "\n  {:12} {note}", "note");
-    }
-    for warning in &file.warnings {
-        let _ = write!(text, "\n  warning: {warning}");
-    }
-    let _ = write!(text, "\n  {:12} {}", "written", file.out);
-    text
+    lines.extend(understood.notes.iter().map(|note| line("note", note)));
+    lines.extend(file.warnings.iter().map(|warning| format!("warning: {warning}")));
+    lines.push(line("written", &file.out));
+    lines.join("\n  ")
 }

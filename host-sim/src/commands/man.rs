@@ -1,14 +1,9 @@
 //! `man`: the pages of this tool for `man`.
 
-use std::path::{Path, PathBuf};
-
-use clap::{Args, Command};
+use clap::Command;
 use clap_mangen::Man;
-use serde::Serialize;
 
-use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folder, Folders, Staged};
-use crate::terminal;
+use super::prelude::*;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

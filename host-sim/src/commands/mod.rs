@@ -24,6 +24,7 @@ mod observe;
 mod options;
 mod pil;
 mod plant;
+mod prelude;
 mod profile;
 mod recordings;
 mod reduce;

@@ -1,26 +1,18 @@
 //! `observe`: the observer over a recording.
 
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
 
-use clap::Args;
-use serde::Serialize;
-
-use super::choice::named;
 use super::options::LawOptions;
+use super::prelude::*;
 use super::recordings::{RecordingOptions, report_sampling};
-use crate::error::{Result, shown};
-use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::grid::Grid;
-use crate::progress::Progress;
-use crate::quantity;
 use crate::replay::memory::Precision;
 use crate::replay::observer::{Estimates, ObservedRecording, ObserverSummary, Tuning};
 use crate::report::axis::{DISPLACEMENT, MICROMETRES};
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
-use crate::terminal::{self, decimals};
+use crate::terminal::decimals;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -73,8 +65,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     arguments.law.check_temperature(std::slice::from_ref(&recording))?;
     let parameters = parameters.along(&recording).map_err(|e| e.about(&arguments.law.params, recording.path()))?;
     let inputs = [arguments.recording.as_path(), arguments.law.params.as_ref()];
-    output::check(&arguments.out, &inputs, Folders::Exist)?;
-    let plot = arguments.plot.check(&inputs, &[&arguments.out])?;
+    let plot = arguments.plot.check_beside(&inputs, Some(&arguments.out))?;
     let run = ObservedRecording::from_recording(&recording, arguments.law.rate)?;
     let grid = run.grid;
     let bar = Progress::over(grid.samples as u64, "observe");
@@ -98,8 +89,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     });
     let report = Report { out: shown(&arguments.out), rate_hz: grid.rate_hz, observed, force_scale_note };
     let title = format!("Observer over {}", shown(&arguments.recording));
-    let drawn = plot.stage(&report, || Figure::new(title, panels(&parameters, &estimates, grid)))?;
-    [Some(table), drawn].into_iter().flatten().try_for_each(Staged::commit)?;
+    plot.write(&report, [table], || Figure::new(title, panels(&parameters, &estimates, grid)))?;
     terminal::warnings(json, &report.force_scale_note);
     terminal::report(json, &report, || {
         format!(

@@ -1,18 +1,13 @@
 //! Options that several commands have.
 
-use clap::Args;
 use springpot::{Actuator, CommandLimits, Discretisation};
 
-use super::choice::named;
-use super::flags::with_flags;
-use crate::error::{Error, Result, shown};
+use super::prelude::*;
 use crate::files::parameters::{Board, Parameters, plausibility};
 use crate::files::recording::Recording;
 use crate::fit::check_recorded;
-use crate::quantity;
 use crate::replay::limits::command_limits;
 use crate::replay::memory::{MemoryChoice, Precision, RunOptions};
-use crate::terminal;
 
 /// The parameters named on the command line; doubts about their sizes are warnings.
 pub(super) fn load(name: &str) -> Result<Parameters> {
@@ -44,6 +39,12 @@ pub(super) fn load_at(name: &str, field: &'static str, temperature_c: Option<f64
         Some(temperature_c) => parameters.at(temperature_c).map_err(|cause| Error::field(field, cause)),
         None => Ok(parameters),
     }
+}
+
+/// The blob of the `parameters` named on the command line, for a board at `rate_hz` that drives a film; with `bench` what they lack is that of the paper's
+/// bench.
+pub(super) fn blob_to_drive(name: &str, parameters: &Parameters, rate_hz: f64, bench: bool) -> Result<Vec<u8>> {
+    parameters.blob_to_drive(super::board_rate(rate_hz)?, bench).map_err(|e| e.about(name, name.as_ref()))
 }
 
 /// The actuator of the file `name`, and whether its sizes are assumed; doubts about them are warnings.

@@ -1,20 +1,11 @@
 //! `pil`: the processor in the loop, compared with this host bit by bit.
 
-use std::path::PathBuf;
-
-use clap::Args;
-use serde::Serialize;
-
-use super::choice::named;
 use super::options::LawOptions;
+use super::prelude::*;
 use super::recordings::RecordingOptions;
-use crate::error::{Error, Result, shown};
 use crate::link::Emulator;
-use crate::progress::Progress;
-use crate::quantity;
 use crate::simulation::film::Plant;
 use crate::simulation::processor::{BitComparison, FirmwareLaw, ProcessorTest, Task, TaskOptions};
-use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

@@ -1,19 +1,9 @@
 //! `plant` (or `twin`): simulates a recording of a nonlinear film.
 
-use std::path::PathBuf;
-
-use clap::Args;
-use serde::Serialize;
-
-use super::choice::named;
-use crate::error::{Result, shown};
-use crate::files::output::{self, Folders};
-use crate::progress::Progress;
-use crate::quantity;
+use super::prelude::*;
 use crate::simulation::electrical::Monitors;
 use crate::simulation::film::{Film, Instruments, Plant, Waveform};
 use crate::simulation::film_recording::{self, Session};
-use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

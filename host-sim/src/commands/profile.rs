@@ -1,19 +1,13 @@
 //! `profile`: a voltage over time that identifies a film, within a board's limits.
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
-
-use clap::Args;
-use serde::Serialize;
 
 use super::options;
-use crate::error::{Error, Result, shown};
+use super::prelude::*;
 use crate::excitation::profile::{self, Part, PartShape, Profile, ProfileOptions, USUAL_SHARE};
-use crate::files::output::{self, Folders};
 use crate::files::parameters::{Parameters, plausibility};
 use crate::grid::Grid;
-use crate::quantity::{self, at_most, positive};
-use crate::terminal;
+use crate::quantity::{at_most, positive};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

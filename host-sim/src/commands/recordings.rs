@@ -1,19 +1,12 @@
 //! Recordings as commands take them: reads the laboratory's own formats, and reports how each was read.
 
-use std::path::{Path, PathBuf};
-
-use clap::Args;
-
-use super::choice::named;
-use super::with_flags;
-use crate::error::{Result, shown};
+use super::prelude::*;
 use crate::files::import::{Choices, Decimal, Fill, Hints, RepeatedTimes, Understood};
 use crate::files::recording::{Input, Recording};
 use crate::grid::Grid;
-use crate::quantity::{self, positive};
+use crate::quantity::positive;
 use crate::references;
 use crate::sampling;
-use crate::terminal;
 
 /// Options for files whose columns do not have the names of a recording.
 #[derive(Clone, Debug, Default, Args)]

@@ -1,16 +1,9 @@
 //! `reduce`: a smaller model with the same response.
 
-use std::path::PathBuf;
-
-use clap::Args;
-use serde::Serialize;
-
 use super::options;
-use crate::error::{Result, shown};
-use crate::files::output::{self, Folders};
-use crate::quantity;
+use super::prelude::*;
 use crate::reduce::{self, Criterion};
-use crate::terminal::{self, rounded};
+use crate::terminal::rounded;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

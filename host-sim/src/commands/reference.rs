@@ -1,19 +1,10 @@
 //! `reference`: writes a reference to follow.
 
-use std::path::PathBuf;
-
-use clap::Args;
-use serde::Serialize;
-
-use super::choice::named;
-use crate::error::{Result, shown};
-use crate::files::output::{self, Folders, Staged};
-use crate::quantity;
+use super::prelude::*;
 use crate::references::{Reference, Shape};
 use crate::report::axis::DISPLACEMENT;
 use crate::report::figure::{Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
-use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -58,19 +49,17 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let Arguments { shape, low, high, period, rise, duration, rate, seed, .. } = *arguments;
     let usual = Reference::new(shape, low, high, period);
     let (values, grid) = Reference { seed, ..usual }.over(duration, rate, rise)?;
-    output::check(&arguments.out, &[], Folders::Exist)?;
-    let plot = arguments.plot.check(&[], &[&arguments.out])?;
+    let plot = arguments.plot.check_beside(&[], Some(&arguments.out))?;
     let time = grid.times_s();
     let table = output::stage_columns(
         &arguments.out,
         &[("time_s", Some(time.as_slice())), ("displacement_m", Some(values.as_slice()))],
     )?;
     let report = Report { out: shown(&arguments.out), samples: grid.samples };
-    let drawn = plot.stage(&report, || {
+    plot.write(&report, [table], || {
         let line = Line::new("reference", &time, &DISPLACEMENT.transform(&values));
         let panel = Panel::new("Reference", "time (s)", DISPLACEMENT.label()).with(line);
         Figure::new(format!("Reference {}", report.out), vec![panel])
     })?;
-    [Some(table), drawn].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || format!("{}: {} samples", report.out, report.samples))
 }

@@ -1,20 +1,13 @@
 //! `replay`: responses to recorded inputs, compared with what was measured.
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
 
-use clap::Args;
-use serde::Serialize;
-
-use super::choice::named;
 use super::options::{self, RunArguments};
+use super::prelude::*;
 use super::recordings::{RecordingOptions, report_sampling};
 use crate::agreement::Agreement;
 use crate::choice::Choice;
-use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::recording::{Direction, Recording};
-use crate::progress::Progress;
 use crate::replay::comparison::Comparison;
 use crate::replay::memory::RunOptions;
 use crate::replay::simulate::Response;
@@ -22,7 +15,7 @@ use crate::report::axis::{DISPLACEMENT, FORCE, MICROMETRES, MILLINEWTONS};
 use crate::report::comparison_figure;
 use crate::report::figure::{Figure, Panel};
 use crate::report::figure_file::PlotOption;
-use crate::terminal::{self, decimals, rounded};
+use crate::terminal::{decimals, rounded};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -150,8 +143,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let mut report = Report::new(rows);
     report.without_response = without;
     report.field_note = options::field_note(&parameters).filter(|_| arguments.drive == Direction::Force);
-    written.extend(plot.stage(&report, || Figure::new(format!("Replay of {}", parameters.name), panels))?);
-    written.into_iter().try_for_each(Staged::commit)?;
+    plot.write(&report, written, || Figure::new(format!("Replay of {}", parameters.name), panels))?;
     terminal::warnings(
         json,
         report.without_response.iter().map(|row| format!("{}: left out: {}", row.file, row.cause)),

@@ -1,21 +1,14 @@
 //! `run`: a reference followed through a supply, by the controller's code on this host.
 
-use std::path::PathBuf;
 use std::time::Instant;
 
-use clap::Args;
-use serde::Serialize;
-
 use super::options::AtTemperature;
+use super::prelude::*;
 use super::recordings::RecordingOptions;
-use crate::error::{Error, Result, shown};
 use crate::files::journal::{Journal, Recovered};
-use crate::files::output::{self, Folders};
 use crate::grid::range;
 use crate::interrupt;
-use crate::progress::Progress;
 use crate::supply::{self, Follow, Row, Sensor, SerialLine, Session, Supply};
-use crate::terminal;
 
 /// Samples of the reference per second; between them it is a line.
 const REFERENCE_HZ: f64 = 1000.0;

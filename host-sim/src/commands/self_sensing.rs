@@ -1,19 +1,11 @@
 //! `self-sensing`: the relation of capacitance and displacement from a recording with a tone, and whether the monitors suffice.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
 
-use clap::Args;
-use serde::Serialize;
-
+use super::prelude::*;
 use super::{Verdict, options};
-use crate::error::{Error, Result, shown};
 use crate::files::capacitance::ToneRecording;
-use crate::files::output::{self, Folders};
 use crate::fit::capacitance::{self, Report};
-use crate::progress::Progress;
-use crate::quantity;
-use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

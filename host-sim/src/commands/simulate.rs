@@ -1,21 +1,14 @@
 //! `simulate`: the response to a recorded input.
 
-use std::path::PathBuf;
-
-use clap::Args;
-use serde::Serialize;
-
 use super::options::RunArguments;
+use super::prelude::*;
 use super::recordings::{RecordingOptions, report_sampling};
-use crate::error::{Result, shown};
-use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
-use crate::progress::Progress;
 use crate::replay::simulate::{self, Response};
 use crate::report::axis::{DISPLACEMENT, FORCE, VOLTAGE};
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
-use crate::terminal::{self, decimals, rounded};
+use crate::terminal::{decimals, rounded};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -50,8 +43,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let parameters =
         parameters.along(&recording).map_err(|e| e.about(&arguments.model.law.params, recording.path()))?;
     let inputs = [arguments.profile.as_path(), arguments.model.law.params.as_ref()];
-    output::check(&arguments.out, &inputs, Folders::Exist)?;
-    let plot = arguments.plot.check(&inputs, &[&arguments.out])?;
+    let plot = arguments.plot.check_beside(&inputs, Some(&arguments.out))?;
     let grid = recording.grid(options.rate_hz)?;
     let bar = Progress::over(grid.samples as u64, "simulate");
     let drive = recording.drive()?;
@@ -67,8 +59,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         peak_displacement_m: response.displacement_m.iter().copied().fold(f64::NEG_INFINITY, f64::max),
     };
     let title = format!("Response of {} to {}", parameters.name, shown(&arguments.profile));
-    let drawn = plot.stage(&report, || Figure::new(title, panels(&response, grid)))?;
-    [Some(table), drawn].into_iter().flatten().try_for_each(Staged::commit)?;
+    plot.write(&report, [table], || Figure::new(title, panels(&response, grid)))?;
     terminal::report(json, &report, || {
         format!(
             "{}: {} samples at {} Hz, largest displacement {} mm",

@@ -1,23 +1,14 @@
 //! `study`: the paper's study, repeated on recordings.
 
-use std::path::{Path, PathBuf};
-
-use clap::Args;
-use serde::Serialize;
-
-use super::choice::named;
 use super::options;
+use super::prelude::*;
 use super::recordings::RecordingOptions;
-use crate::error::{Result, shown};
-use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::observe_all;
 use crate::fit::settings::assumed_actuator;
-use crate::progress::Progress;
 use crate::report::figure_file;
 use crate::report::study_page::StudyPage;
 use crate::studies::paper::{self, StudyFitRow, StudyOptions};
-use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

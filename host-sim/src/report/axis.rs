@@ -3,16 +3,12 @@
 /// A quantity on an axis: its name, its unit, and how many of that unit an SI unit is.
 #[derive(Clone, Copy, Debug)]
 pub struct Axis {
-    /// Name of the quantity.
     pub name: &'static str,
-    /// Its unit on the axis.
     pub unit: &'static str,
-    /// That unit per SI unit.
     pub per_si: f64,
 }
 
 impl Axis {
-    /// Its label.
     pub fn label(self) -> String {
         format!("{} ({})", self.name, self.unit)
     }
@@ -23,13 +19,10 @@ impl Axis {
     }
 }
 
-/// Displacement.
 pub const DISPLACEMENT: Axis = Axis { name: "displacement", unit: "mm", per_si: 1e3 };
 /// Differences of displacement.
 pub const MICROMETRES: Axis = Axis { name: "displacement", unit: "µm", per_si: 1e6 };
-/// Force.
 pub const FORCE: Axis = Axis { name: "force", unit: "N", per_si: 1.0 };
 /// Differences of force.
 pub const MILLINEWTONS: Axis = Axis { name: "force", unit: "mN", per_si: 1e3 };
-/// Voltage.
 pub const VOLTAGE: Axis = Axis { name: "voltage", unit: "kV", per_si: 1e-3 };

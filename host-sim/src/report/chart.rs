@@ -3,7 +3,7 @@
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
 
-use super::figure::{Figure, MAX_POINTS, Panel};
+use super::figure::{Band, Figure, MAX_POINTS, Panel};
 use crate::grid::range;
 
 /// `figure` for a page: plots that zoom together where they share an axis.
@@ -46,12 +46,8 @@ fn spoken(panel: &Panel) -> String {
             (low <= high).then(|| format!("{} from {} to {}", line.label, digits(low, 3), digits(high, 3)))
         })
         .collect();
-    lines.extend(
-        panel
-            .band
-            .as_ref()
-            .map(|band| format!("{} marked from {} to {}", band.label, digits(band.from, 3), digits(band.to, 3))),
-    );
+    let marked = |band: &Band| format!("{} marked from {} to {}", band.label, digits(band.from, 3), digits(band.to, 3));
+    lines.extend(panel.band.as_ref().map(marked));
     format!(
         "Plot {}: {} over {}; {}. Arrow keys move the cursor, plus and minus zoom, Page Up and Page Down pan, 0 shows all.",
         panel.title,

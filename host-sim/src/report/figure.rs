@@ -92,13 +92,6 @@ impl Line {
         Self { label: label.into(), points: thin(points), all, width: 1.5, dashed: false, marked: false, colour: None }
     }
 
-    /// The same, `width` pixels wide.
-    #[must_use]
-    pub fn wide(mut self, width: f64) -> Self {
-        self.width = width;
-        self
-    }
-
     /// The same, dashed.
     #[must_use]
     pub fn dashed(mut self) -> Self {
@@ -123,7 +116,7 @@ impl Line {
     /// A line beneath others: wide and grey, so that a thin line on top leaves both visible.
     #[must_use]
     pub fn beneath(self) -> Self {
-        self.wide(4.5).coloured(Colour::Grey)
+        Self { width: 4.5, ..self.coloured(Colour::Grey) }
     }
 }
 
@@ -153,7 +146,7 @@ pub struct Panel {
     pub log_x: bool,
     /// Whether y is logarithmic.
     pub log_y: bool,
-    /// Whether x goes back and forth along a line.
+    /// Whether x goes back and forth along a line, as along a loop: its lines are [`Line::path`]s.
     pub is_path: bool,
     /// Values of x that are marked.
     pub band: Option<Band>,
@@ -175,11 +168,6 @@ impl Panel {
             band: None,
             caption: String::new(),
         }
-    }
-
-    /// A panel of loops, whose lines are [`Line::path`]s.
-    pub fn loops(title: impl Into<String>, x_label: impl Into<String>, y_label: impl Into<String>) -> Self {
-        Self { is_path: true, ..Self::new(title, x_label, y_label) }
     }
 
     /// The same with one more line on top.

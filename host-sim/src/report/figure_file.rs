@@ -43,6 +43,12 @@ impl PlotOption {
         let inputs = inputs.iter().map(|input| input.to_path_buf()).collect();
         Ok(Plot { path: Some(path.into()), inputs })
     }
+
+    /// The same of a command that writes `out`, which is checked as well.
+    pub fn check_beside(&self, inputs: &[&Path], out: Option<&Path>) -> Result<Plot> {
+        out.map_or(Ok(()), |out| output::check(out, inputs, Folders::Exist))?;
+        self.check(inputs, out.as_slice())
+    }
 }
 
 /// A figure to draw, if one was asked for, of what a command makes of its inputs.
@@ -60,17 +66,19 @@ impl Plot {
         self.path.is_some()
     }
 
-    /// The file, staged, of what `figure` makes, beside the `document` that `--json` prints.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::File`] where it cannot be written, or where an input is gone.
-    pub fn stage<D: Serialize>(&self, document: &D, figure: impl FnOnce() -> Figure) -> Result<Option<Staged>> {
-        self.stage_with(document, |_| Vec::new(), figure)
+    /// Writes `files`, which are staged, and what `figure` makes beside the `document` that `--json` prints: all of them or none.
+    pub fn write<D: Serialize>(
+        &self,
+        document: &D,
+        files: impl IntoIterator<Item = Staged>,
+        figure: impl FnOnce() -> Figure,
+    ) -> Result<()> {
+        let drawn = self.stage(document, |_| Vec::new(), figure)?;
+        files.into_iter().chain(drawn).try_for_each(Staged::commit)
     }
 
-    /// As [`stage`](Self::stage); a page has the `sections` of the document's numbers as well.
-    pub fn stage_with<D: Serialize>(
+    /// The file of the figure, staged; a page has the `sections` of the document's numbers as well.
+    pub fn stage<D: Serialize>(
         &self,
         document: &D,
         sections: impl FnOnce(&Numbers<'_>) -> Vec<Section>,
@@ -121,10 +129,6 @@ fn format(path: &Path) -> Result<Format> {
 }
 
 /// `figure` for `path`, staged as SVG or PNG.
-///
-/// # Errors
-///
-/// [`Error::File`] for another ending or where it cannot be written.
 pub fn stage_image(path: &Path, figure: &Figure) -> Result<Staged> {
     let bytes = match format(path)? {
         Format::Html => return Err(Error::file(path, "a picture ends in .svg or .png")),

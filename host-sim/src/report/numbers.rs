@@ -15,10 +15,6 @@ pub struct Document {
 
 impl Document {
     /// The document of `report`.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Computation`] where it has no JSON.
     pub fn from_report(report: &impl Serialize) -> Result<Self> {
         let fault = |e: serde_json::Error| Error::Computation(format!("JSON: {e}"));
         let text = serde_json::to_string(report).map_err(fault)?;
@@ -27,7 +23,6 @@ impl Document {
         Ok(Self { text, value })
     }
 
-    /// Its text.
     pub fn text(&self) -> &str {
         &self.text
     }
@@ -80,8 +75,13 @@ impl<'a> Numbers<'a> {
 
     /// The number at `path`, with its place for those who check it; a dash if it is missing.
     pub fn number(&self, path: &str, form: Form) -> Markup {
+        self.number_or(path, form, "–")
+    }
+
+    /// The same, with a word in place of a number that is missing.
+    pub fn number_or(&self, path: &str, form: Form, missing: &str) -> Markup {
         let there = self.at(path);
-        let Some(value) = there.value().as_f64() else { return html! { "–" } };
+        let Some(value) = there.value().as_f64() else { return html! { (missing) } };
         let (factor, text) = match form {
             Form::Fixed(decimals) => (1.0, format!("{value:.decimals$}")),
             Form::Digits(digits) => (1.0, with_digits(value, digits)),

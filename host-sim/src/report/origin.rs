@@ -1,7 +1,6 @@
 //! Where a result comes from: when, by what, by which command.
 
-use std::env;
-use std::ffi::OsString;
+use std::{env, iter};
 
 use chrono::Utc;
 use maud::{Markup, html};
@@ -11,10 +10,12 @@ use crate::fit::report::Origin;
 
 /// The running program, now.
 pub fn now() -> Origin {
+    let arguments = env::args_os().skip(1).map(|argument| quoted(&argument.to_string_lossy()));
+    let words = iter::once("springpot".to_owned()).chain(arguments);
     Origin {
         date: Utc::now().format("%Y-%m-%d %H:%M:%S UTC").to_string(),
         tool: format!("springpot {}", env!("CARGO_PKG_VERSION")),
-        command: command(env::args_os().skip(1)),
+        command: words.collect::<Vec<String>>().join(" "),
     }
 }
 
@@ -30,13 +31,7 @@ pub fn rows([date, tool, command]: [&str; 3]) -> [Row; 3] {
         .map(|(name, value)| Row::new(vec![text(name), html! { code { (value) } }]))
 }
 
-/// `springpot` with `arguments`, quoted for a shell.
-fn command(arguments: impl Iterator<Item = OsString>) -> String {
-    let mut words = vec!["springpot".to_owned()];
-    words.extend(arguments.map(|argument| quoted(&argument.to_string_lossy())));
-    words.join(" ")
-}
-
+/// A word as a shell takes it.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

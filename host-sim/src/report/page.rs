@@ -3,7 +3,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::chart::in_script;
-use super::numbers::Document;
+use super::numbers::{Document, Form, Numbers};
 
 const STYLE: &str = include_str!("assets/page.css");
 const SCRIPT: &str = include_str!("assets/charts.js");
@@ -17,11 +17,9 @@ const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 
 
 /// A page in parts.
 pub struct Page<'a> {
-    /// Its title.
     pub title: &'a str,
     /// Text under the title.
     pub lead: Markup,
-    /// Its parts.
     pub sections: Vec<Section>,
     /// The document that `--json` prints, if its numbers are in the page.
     pub document: Option<&'a Document>,
@@ -31,21 +29,17 @@ pub struct Page<'a> {
 pub struct Section {
     /// Its anchor.
     pub id: &'static str,
-    /// Its heading.
     pub heading: &'static str,
-    /// Its content.
     pub body: Markup,
 }
 
 impl Section {
-    /// A part with `heading`.
     pub fn new(id: &'static str, heading: &'static str, body: Markup) -> Self {
         Self { id, heading, body }
     }
 }
 
 impl Page<'_> {
-    /// The page as HTML.
     pub fn html(&self) -> String {
         html! {
             (DOCTYPE)
@@ -110,7 +104,6 @@ pub struct Row {
 }
 
 impl Row {
-    /// A row of `cells`.
     pub fn new(cells: Vec<Markup>) -> Self {
         Self { cells, marked: false }
     }
@@ -135,6 +128,33 @@ pub fn table(caption: &str, header: &[&str], rows: &[Row]) -> Markup {
             }
         }
     }
+}
+
+/// A cell of a table, by its place in a row of the document.
+pub enum Cell {
+    Text(&'static str),
+    Number(&'static str, Form),
+    Made(fn(&Numbers<'_>) -> Markup),
+}
+
+impl Cell {
+    fn in_row(&self, row: &Numbers<'_>) -> Markup {
+        match self {
+            Self::Text(path) => text(row.text(path)),
+            Self::Number(path, form) => row.number(path, *form),
+            Self::Made(cell) => cell(row),
+        }
+    }
+}
+
+/// The table of the list at `numbers`: the titles of its columns with their cells. A row that is `chosen` is marked.
+pub fn list(caption: &str, columns: &[(&str, Cell)], numbers: &Numbers<'_>) -> Markup {
+    let header: Vec<&str> = columns.iter().map(|(title, _)| *title).collect();
+    let row = |row: &Numbers<'_>| Row {
+        cells: columns.iter().map(|(_, cell)| cell.in_row(row)).collect(),
+        marked: row.at("/chosen").value() == true,
+    };
+    table(caption, &header, &numbers.rows().iter().map(row).collect::<Vec<Row>>())
 }
 
 /// Text as a cell.

@@ -9,7 +9,7 @@ use super::figure::{Colour, Figure, Line, Panel};
 use super::fit_page::warnings;
 use super::numbers::{Document, Form, Numbers};
 use super::origin;
-use super::page::{Page, Row, Section, table, text};
+use super::page::{Cell, Page, Row, Section, list, table, text};
 use crate::choice::Choice;
 use crate::commission::Report;
 use crate::fit::report::Origin;
@@ -122,26 +122,16 @@ fn figures(numbers: &Numbers<'_>) -> Markup {
 }
 
 fn ramp(numbers: &Numbers<'_>) -> Markup {
-    let rows: Vec<Row> = numbers
-        .at("/ramp/steps")
-        .rows()
-        .iter()
-        .map(|row| {
-            Row::new(vec![
-                row.number("/voltage_v", Form::Fixed(0)),
-                row.number("/predicted_m", Form::In(1e3, 3, "mm")),
-                row.number("/measured_m", Form::In(1e3, 3, "mm")),
-                row.number("/minute_m", Form::In(1e3, 3, "mm")),
-                row.number("/slope", Form::Fixed(2)),
-            ])
-        })
-        .collect();
+    let millimetres = |path| Cell::Number(path, Form::In(1e3, 3, "mm"));
+    let columns = [
+        ("voltage, V", Cell::Number("/voltage_v", Form::Fixed(0))),
+        ("predicted", millimetres("/predicted_m")),
+        ("measured", millimetres("/measured_m")),
+        ("predicted for a minute", millimetres("/minute_m")),
+        ("slope over V², of the first", Cell::Number("/slope", Form::Fixed(2))),
+    ];
     html! {
-        (table(
-            "Steps, each predicted before it was taken",
-            &["voltage, V", "predicted", "measured", "predicted for a minute", "slope over V², of the first"],
-            &rows,
-        ))
+        (list("Steps, each predicted before it was taken", &columns, &numbers.at("/ramp/steps")))
         p { "Ended by: " (numbers.at("/ramp").text("/ended_by")) "." }
     }
 }

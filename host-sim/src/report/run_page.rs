@@ -4,6 +4,7 @@ use std::path::Path;
 
 use maud::html;
 
+use super::axis::{DISPLACEMENT, MICROMETRES, VOLTAGE};
 use super::chart;
 use super::figure::{Colour, Figure, Line, Panel};
 use super::page::{Page, Section};
@@ -14,10 +15,6 @@ use crate::grid::range;
 const COLUMNS: [&str; 6] = ["time_s", "command_v", "voltage_v", "displacement_m", "predicted_m", "reference_m"];
 
 /// The page of the recording at `path`: how well the film has followed, and its course.
-///
-/// # Errors
-///
-/// [`Error`] naming the file where it is no recording of a run.
 pub fn html(path: &Path) -> Result<String> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::file(path, e))?;
     let mut lines = text.lines();
@@ -35,7 +32,6 @@ pub fn html(path: &Path) -> Result<String> {
         }
     }
     let [time, command, voltage, film, predicted, reference] = columns;
-    let scaled = |values: &[f64], by: f64| -> Vec<f64> { values.iter().map(|value| by * value).collect() };
     let error: Vec<f64> = film.iter().zip(&reference).map(|(film, wanted)| film - wanted).collect();
     // Under a voltage that is set there is no reference: its column has the prediction.
     let wanted = if reference == predicted { "prediction" } else { "reference" };
@@ -48,14 +44,14 @@ pub fn html(path: &Path) -> Result<String> {
         format!("The film was within {pct:.2} % RMS of the {wanted}'s range, over {:.1} s", time[to] - time[from])
     });
     let panels = vec![
-        Panel::new("Stroke", "time (s)", "displacement (mm)")
-            .with(Line::new(wanted, &time, &scaled(&reference, 1e3)).beneath())
-            .with(Line::new("film", &time, &scaled(&film, 1e3)).coloured(Colour::Blue)),
+        Panel::new("Stroke", "time (s)", DISPLACEMENT.label())
+            .with(Line::new(wanted, &time, &DISPLACEMENT.transform(&reference)).beneath())
+            .with(Line::new("film", &time, &DISPLACEMENT.transform(&film)).coloured(Colour::Blue)),
         Panel::new("Error", "time (s)", format!("film − {wanted} (µm)"))
-            .with(Line::new("error", &time, &scaled(&error, 1e6)).coloured(Colour::Vermilion)),
-        Panel::new("Voltage", "time (s)", "voltage (kV)")
-            .with(Line::new("command", &time, &scaled(&command, 1e-3)).beneath())
-            .with(Line::new("monitor", &time, &scaled(&voltage, 1e-3)).coloured(Colour::Green)),
+            .with(Line::new("error", &time, &MICROMETRES.transform(&error)).coloured(Colour::Vermilion)),
+        Panel::new("Voltage", "time (s)", VOLTAGE.label())
+            .with(Line::new("command", &time, &VOLTAGE.transform(&command)).beneath())
+            .with(Line::new("monitor", &time, &VOLTAGE.transform(&voltage)).coloured(Colour::Green)),
     ];
     let picture = chart::figure(&Figure::new("Run", panels));
     let lead = html! {

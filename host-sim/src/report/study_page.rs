@@ -17,7 +17,6 @@ use crate::studies::paper::{self, StudyFit};
 /// Tables and figures of a study.
 pub struct StudyPage {
     tables: [Table; 3],
-    /// The figures.
     pub figures: [StudyFigure; 2],
     why_eq9_stops: String,
     thinned: bool,
@@ -64,7 +63,6 @@ impl StudyPage {
         }
     }
 
-    /// The page as HTML.
     pub fn html(&self) -> String {
         let tables = html! {
             @for table in &self.tables { (table.html()) }
@@ -117,68 +115,48 @@ impl Table {
     }
 }
 
-fn kind(fit: &StudyFit) -> [String; 2] {
-    [fit.topology.name().into(), fit.method.name().into()]
+/// A row that begins with `first`, topology and method of a fit.
+fn row(first: impl Into<String>, fit: &StudyFit, rest: impl IntoIterator<Item = String>) -> Vec<String> {
+    [first.into(), fit.topology.name().into(), fit.method.name().into()].into_iter().chain(rest).collect()
 }
 
 /// R² of the joint fits.
 fn table_2(fits: &[StudyFit], names: &[String]) -> Table {
-    let header = ["n", "topology", "method"].map(str::to_owned);
-    let rows = fits
-        .iter()
-        .filter(|e| e.recording.is_none())
-        .map(|e| {
-            let mut row = vec![e.branches.to_string()];
-            row.extend(kind(e));
-            row.extend(e.agreements.iter().map(|a| format!("{:.6}", a.r2)));
-            row.extend([format!("{:.6}", e.r2_mean()), e.evaluations.to_string()]);
-            row
-        })
-        .collect();
-    let tail = ["R² mean", "evaluations"].map(str::to_owned);
-    let header = header.into_iter().chain(names.iter().map(|name| format!("R² {name}"))).chain(tail).collect();
-    Table { title: "Table 2: R² of the joint fits".into(), header, rows }
+    let joint = fits.iter().filter(|fit| fit.recording.is_none());
+    let rows = joint.map(|fit| {
+        let r2 = fit.agreements.iter().map(|agreement| format!("{:.6}", agreement.r2));
+        let end = [format!("{:.6}", fit.r2_mean()), fit.evaluations.to_string()];
+        row(fit.branches.to_string(), fit, r2.chain(end))
+    });
+    let mut header = vec!["n".to_owned(), "topology".into(), "method".into()];
+    header.extend(names.iter().map(|name| format!("R² {name}")));
+    header.extend(["R² mean".into(), "evaluations".into()]);
+    Table { title: "Table 2: R² of the joint fits".into(), header, rows: rows.collect() }
 }
 
 /// Parameters of the joint fits.
 fn table_3(fits: &[StudyFit]) -> Table {
-    let rows = fits
-        .iter()
-        .filter(|e| e.recording.is_none())
-        .map(|e| {
-            let (main, branches) = e.elements();
-            let mut row = vec![e.branches.to_string()];
-            row.extend(kind(e));
-            row.extend([main, branches]);
-            row
-        })
-        .collect();
+    let joint = fits.iter().filter(|fit| fit.recording.is_none());
     Table {
         title: "Table 3: parameters of the joint fits, c in N·s^α/mm".into(),
         header: ["n", "topology", "method", "main (c, α)", "branches (c, α)–(c, α)"].map(str::to_owned).into(),
-        rows,
+        rows: joint.map(|fit| row(fit.branches.to_string(), fit, <[String; 2]>::from(fit.elements()))).collect(),
     }
 }
 
 /// Fits to one recording.
 fn table_4(fits: &[StudyFit], names: &[String]) -> Table {
-    let rows = fits
-        .iter()
-        .filter_map(|e| e.recording.map(|index| (e, index)))
-        .map(|(e, index)| {
-            let (main, branches) = e.elements();
-            let mut row = vec![names[index].clone()];
-            row.extend(kind(e));
-            row.extend([main, branches, format!("{:.6}", e.r2_mean())]);
-            row
-        })
-        .collect();
+    let alone = fits.iter().filter_map(|fit| Some((fit, &names[fit.recording?])));
+    let rows = alone.map(|(fit, name)| {
+        let (main, branches) = fit.elements();
+        row(name, fit, [main, branches, format!("{:.6}", fit.r2_mean())])
+    });
     Table {
         title: format!("Table 4: each recording alone, n = {}, c in N·s^α/mm", paper::BRANCHES_ALONE),
         header: ["recording", "topology", "method", "main (c, α)", "branches (c, α)–(c, α)", "R²"]
             .map(str::to_owned)
             .into(),
-        rows,
+        rows: rows.collect(),
     }
 }
 

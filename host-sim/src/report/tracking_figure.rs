@@ -2,10 +2,11 @@
 
 use maud::{Markup, html};
 
+use super::axis::{DISPLACEMENT, MICROMETRES, VOLTAGE};
 use super::chart;
 use super::figure::{Colour, Figure, Line, Panel};
 use super::numbers::{Form, Numbers};
-use super::page::{Row, table, text};
+use super::page::{Cell, list, text};
 use crate::grid::Grid;
 use crate::simulation::closed_loop::LoopRun;
 
@@ -18,18 +19,17 @@ const UNCOMPENSATED: &str = "no compensation";
 /// Film and reference, error and voltage of `runs` of one reference on `grid`, by the names of their controllers.
 pub fn panels(runs: &[(&str, &LoopRun)], grid: Grid) -> Vec<Panel> {
     let time = grid.times_s();
-    let scaled = |values: &[f64], by: f64| -> Vec<f64> { values.iter().map(|value| by * value).collect() };
-    let mut film = Panel::new("Reference and film", "time (s)", "displacement (mm)");
+    let mut film = Panel::new("Reference and film", "time (s)", DISPLACEMENT.label());
     let mut error = Panel::new("Error", "time (s)", "film − reference (µm)");
-    let mut voltage = Panel::new("Voltage", "time (s)", "voltage (kV)");
+    let mut voltage = Panel::new("Voltage", "time (s)", VOLTAGE.label());
     if let Some((_, run)) = runs.first() {
-        film = film.with(Line::new("reference", &time, &scaled(&run.reference_m, 1e3)).beneath());
+        film = film.with(Line::new("reference", &time, &DISPLACEMENT.transform(&run.reference_m)).beneath());
     }
     for ((name, run), colour) in runs.iter().zip(COLOURS.into_iter().cycle()) {
         let line = |values: &[f64]| Line::new(*name, &time, values).coloured(colour);
-        film = film.with(line(&scaled(&run.displacement_m, 1e3)));
-        error = error.with(line(&scaled(&run.error_m(), 1e6)));
-        voltage = voltage.with(line(&scaled(&run.voltage_v, 1e-3)));
+        film = film.with(line(&DISPLACEMENT.transform(&run.displacement_m)));
+        error = error.with(line(&MICROMETRES.transform(&run.error_m())));
+        voltage = voltage.with(line(&VOLTAGE.transform(&run.voltage_v)));
     }
     let mut panels = vec![film, error, voltage];
     // Beside an error that is not compensated the others are a straight line.
@@ -43,26 +43,16 @@ pub fn panels(runs: &[(&str, &LoopRun)], grid: Grid) -> Vec<Panel> {
 
 /// The runs of the list at `numbers`, in a table and a figure.
 pub fn comparison(numbers: &Numbers<'_>, runs: &[(&str, &LoopRun)], grid: Grid) -> Markup {
-    let rows: Vec<Row> = numbers
-        .rows()
-        .iter()
-        .map(|row| {
-            Row::new(vec![
-                text(words(row.text("/controller"))),
-                row.number("/tracking_rms_pct", Form::Fixed(3)),
-                row.number("/largest_error_m", Form::In(1e6, 1, "µm")),
-                row.number("/drift_pct", Form::Fixed(3)),
-                row.number("/largest_voltage_v", Form::In(1.0, 0, "V")),
-            ])
-        })
-        .collect();
+    let columns = [
+        ("controller", Cell::Made(|row| text(words(row.text("/controller"))))),
+        ("RMS, % of p-p", Cell::Number("/tracking_rms_pct", Form::Fixed(3))),
+        ("largest error", Cell::Number("/largest_error_m", Form::In(1e6, 1, "µm"))),
+        ("drift, % of p-p", Cell::Number("/drift_pct", Form::Fixed(3))),
+        ("largest voltage", Cell::Number("/largest_voltage_v", Form::In(1.0, 0, "V"))),
+    ];
     let named: Vec<(&str, &LoopRun)> = runs.iter().map(|(name, run)| (words(name), *run)).collect();
     html! {
-        (table(
-            "Error of the film from t = 0",
-            &["controller", "RMS, % of p-p", "largest error", "drift, % of p-p", "largest voltage"],
-            &rows,
-        ))
+        (list("Error of the film from t = 0", &columns, numbers))
         (chart::figure(&Figure::new("Closed loop", panels(&named, grid))))
     }
 }

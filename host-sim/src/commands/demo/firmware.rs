@@ -1,13 +1,9 @@
 //! The parameters as a controller takes them, and a recording through the firmware's image where QEMU is there.
 
-use serde::Serialize;
-
-use crate::commands::with_flags;
-use crate::error::Result;
+use crate::commands::prelude::*;
 use crate::files::parameters::Parameters;
 use crate::files::recording::Recording;
 use crate::link::Emulator;
-use crate::progress::Progress;
 use crate::replay::memory::RunOptions;
 use crate::simulation::processor::{FirmwareLaw, ProcessorTest, Task, TaskOptions};
 

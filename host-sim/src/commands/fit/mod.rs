@@ -2,33 +2,26 @@
 
 mod options;
 
-use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-use clap::Args;
-use serde::Serialize;
 use springpot::CommandLimits;
 
 use self::options::FitArguments;
 use super::following::{Followed, Following, REFITTED_FILM, Sine};
 use super::recordings::RecordingOptions;
-use super::with_flags;
-use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folders, Staged};
+use crate::commands::prelude::*;
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::{self, Observation};
 use crate::fit::{self, Fit, FitReport, Settings, Warning};
 use crate::grid::Grid;
 use crate::interrupt;
-use crate::progress::Progress;
 use crate::replay::feasibility;
 use crate::replay::memory::RunOptions;
 use crate::report::fit_page::FitPage;
 use crate::report::numbers::{Document, Numbers};
 use crate::report::origin;
-use crate::terminal;
 
 const PAGE_TITLE: &str = "Fit of the fully fractional generalised Maxwell model";
 
@@ -80,11 +73,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let remarks = recordings.iter().flat_map(observation::remarks);
     let remarks: Vec<String> = remarks.map(|warning| with_flags(&warning.text)).collect();
     for report in &reports {
-        let of = if arguments.each {
-            report.fit.parameters_file.as_ref().map_or_else(String::new, |file| format!("{file}: "))
-        } else {
-            String::new()
-        };
+        let file = report.fit.parameters_file.as_ref().filter(|_| arguments.each);
+        let of = file.map_or_else(String::new, |file| format!("{file}: "));
         let later = report.fit.warnings.iter().filter(|warning| !remarks.contains(&warning.text));
         terminal::warnings(json, later.map(|warning| format!("{of}{warning}")));
     }

@@ -1,17 +1,11 @@
 //! The options of `fit`.
 
-use std::path::Path;
-
-use clap::Args;
-
-use crate::commands::choice::named;
 use crate::commands::options;
-use crate::error::Result;
+use crate::commands::prelude::*;
 use crate::files::recording::Direction;
 use crate::fit::options::{AtGap, Branches, Sharing, TopologyChoice, Weight};
 use crate::fit::settings::CurveChoice;
 use crate::fit::{FitOptions, Loss, Method, Settings};
-use crate::quantity;
 
 /// Options of a fit.
 #[derive(Clone, Debug, Args)]

@@ -1,16 +1,13 @@
 //! `link adaptation`: whether the law follows a film that changes, and how far it has moved.
 
-use clap::{Args, ValueEnum};
+use clap::ValueEnum;
 use dea_driver::wire::{AdaptationOrder, AdaptationStatus, Answer, Command};
-use serde::Serialize;
 use springpot::Adapting;
 
 use super::{Source, Token};
 use crate::commands::options::load_at;
-use crate::error::{Error, Result};
+use crate::commands::prelude::*;
 use crate::link::Client;
-use crate::quantity;
-use crate::terminal;
 
 /// Ageing from which a run trips, where none is given.
 const TRIP_AT: f64 = 3.0;

@@ -9,6 +9,8 @@ use dea_driver::{Blob, Cause, DriverState};
 use super::asking::some_ticks;
 use super::live;
 use super::self_test::SelfTest;
+use crate::bench::reference::set;
+use crate::bench::shared::Watched;
 use crate::commission::bench::{Bench, Check, Mode, Pilot, ROWS_HZ, Row};
 use crate::error::{Error, Result, short};
 use crate::files::parameters::{Parameters, as_written};
@@ -25,12 +27,19 @@ pub(in crate::commands) struct LinkedBench<'a> {
     identity: &'a Identity,
     stop: &'a AtomicBool,
     begun: Instant,
+    /// A page that shows the rows.
+    page: Option<&'a Watched<'a>>,
 }
 
 impl<'a> LinkedBench<'a> {
     /// The controller of a `client`, whose self-test ends once `stop` is set.
     pub(in crate::commands) fn new(client: &'a mut Client, identity: &'a Identity, stop: &'a AtomicBool) -> Self {
-        Self { client, identity, stop, begun: Instant::now() }
+        Self { client, identity, stop, begun: Instant::now(), page: None }
+    }
+
+    /// The same, whose rows a page shows.
+    pub(in crate::commands) fn shown_by(self, page: &'a Watched<'a>) -> Self {
+        Self { page: Some(page), ..self }
     }
 
     /// Samples to the `pilot`, and its targets to the controller, until one of them ends it.
@@ -57,11 +66,7 @@ impl<'a> LinkedBench<'a> {
                 let Some(next) = pilot(&row_of(&sample, self.begun.elapsed().as_secs_f64())) else { return Ok(()) };
                 target = next;
             }
-            let set = match mode {
-                Mode::Voltage => Command::SetVoltage(target as f32),
-                _ => Command::SetReference(target as f32),
-            };
-            self.client.order(set)?;
+            self.client.order(set(mode, target as f32))?;
         }
     }
 }
@@ -98,12 +103,17 @@ impl Bench for LinkedBench<'_> {
     fn run(&mut self, mode: Mode, pilot: &mut Pilot<'_>) -> Result<Option<String>> {
         self.client.waiting_samples();
         self.client.arm()?;
-        let every = (RATE_HZ / ROWS_HZ) as u16;
+        let (every, page) = ((RATE_HZ / ROWS_HZ) as u16, self.page);
         let started = self
             .client
             .order(Command::Stream { every })
             .and_then(|()| self.client.order(Command::Start(mode)))
-            .and_then(|()| self.talk(mode, pilot));
+            .and_then(|()| {
+                self.talk(mode, &mut |row| {
+                    page.iter().for_each(|page| page.row(row));
+                    pilot(row)
+                })
+            });
         // Before it is disarmed: a trip is a finding, and any other error ends the sitting.
         let state = self.client.status().map(|status| status.state);
         let ended = live::disarm(self.client);

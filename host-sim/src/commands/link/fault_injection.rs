@@ -3,19 +3,15 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use dea_driver::wire::{Answer, Command, InjectedFault, Mode, Reject, Status};
 use dea_driver::{Cause, DriverState, SensorFault};
-use serde::Serialize;
 
 use super::asking::{PATIENCE, going_on, hold, some_ticks, wait};
 use super::live;
-use crate::error::{Error, Result};
+use crate::commands::prelude::*;
 use crate::interrupt;
 use crate::link::{Client, named};
-use crate::quantity;
-use crate::terminal;
 
 /// Longest time of a board that panics until it answers again.
 const COMES_BACK: Duration = Duration::from_secs(60);

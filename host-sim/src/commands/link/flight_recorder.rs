@@ -1,15 +1,9 @@
 //! `link flight-recorder`: how the last run ended.
 
-use std::path::PathBuf;
-
-use clap::Args;
 use dea_driver::wire::{Answer, Command, FlightRecord};
-use serde::Serialize;
 
-use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folders};
+use crate::commands::prelude::*;
 use crate::link::{Client, named};
-use crate::terminal;
 
 /// Newest records among which the last one with voltage is of the same run.
 const LAST: usize = 16;
@@ -51,23 +45,7 @@ impl FlightRecorder {
         if let Some(out) = &self.out {
             output::write_whole(out, |file| {
                 writeln!(file, "tick,command_v,monitor_v,displacement_m,predicted_m,reference_m,limited,state")?;
-                records.iter().rev().try_for_each(|record| {
-                    let FlightRecord {
-                        tick,
-                        command_v,
-                        monitor_v,
-                        displacement_m,
-                        predicted_m,
-                        reference_m,
-                        limited,
-                        state,
-                    } = record;
-                    let state = named(*state);
-                    writeln!(
-                        file,
-                        "{tick},{command_v},{monitor_v},{displacement_m},{predicted_m},{reference_m},{limited},{state}"
-                    )
-                })
+                records.iter().rev().try_for_each(|record| writeln!(file, "{}", row(record)))
             })?;
         }
         let shown_if_finite = |value: f32| Some(value).filter(|value| value.is_finite());
@@ -104,6 +82,13 @@ impl FlightRecorder {
             )
         })
     }
+}
+
+/// A row of the table.
+fn row(record: &FlightRecord) -> String {
+    let FlightRecord { tick, command_v, monitor_v, displacement_m, predicted_m, reference_m, limited, state } = record;
+    let state = named(*state);
+    format!("{tick},{command_v},{monitor_v},{displacement_m},{predicted_m},{reference_m},{limited},{state}")
 }
 
 /// All records, the newest first. A run that went on meanwhile would move them.

@@ -1,30 +1,23 @@
 //! Verbs that keep talking to a controller: streams and playback.
 
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use clap::Args;
-use dea_driver::wire::{Answer, Command, LearningOrder, Reject, Telemetry};
+use dea_driver::wire::{Answer, Command, LearningOrder, Telemetry};
 use dea_driver::{Cause, DriverState, Refusal};
-use serde::Serialize;
 
 use super::adaptation::Film;
 use super::board_time::BoardTime;
 use super::status::falls_text;
-use super::{Source, What, digits, parameters_of};
-use crate::bench::reference;
+use super::{Source, digits, parameters_of};
+use crate::bench::reference::{self, What};
 use crate::bench::shared::SENT_HZ;
+use crate::commands::prelude::*;
 use crate::commands::recordings::{self, RecordingOptions};
-use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folders};
 use crate::files::parameters::as_written;
 use crate::files::recording::{Input, Recording};
 use crate::interrupt;
 use crate::link::{Client, Log, named};
-use crate::progress::Progress;
-use crate::quantity;
-use crate::terminal;
 
 /// Every so many of them the state is asked for.
 const STATUS_EVERY: u32 = 10;
@@ -224,13 +217,6 @@ impl Play {
         reference::read(self.mode.into(), &self.recording, &self.reading.hints())
     }
 
-    fn set(&self, value: f32) -> Command {
-        match self.mode {
-            What::Voltage => Command::SetVoltage(value),
-            What::Feedforward | What::Tracking => Command::SetReference(value),
-        }
-    }
-
     pub(super) fn run(&self, mut client: Client, expected: Option<&[u8]>, json: bool) -> Result<()> {
         if let Some(expected) = expected.and_then(<[u8]>::last_chunk) {
             client.expect_parameters(u32::from_le_bytes(*expected))?;
@@ -257,13 +243,8 @@ impl Play {
 
     /// Arms, with values that the board accepts.
     fn arm(&self, client: &mut Client, values: &[f32]) -> Result<()> {
-        // What is beyond the limits shows before anything is enabled: a set-point within them is refused for the state alone.
-        let by_size = |a: &&f32, b: &&f32| a.abs().total_cmp(&b.abs());
-        if let Some(&value) = values.iter().max_by(by_size) {
-            let answer = client.ask(self.set(value))?;
-            if answer == Answer::Rejected(Reject::Value) {
-                return Err(client.unexpected(&answer).about_value(&self.recording, as_written(value)));
-            }
+        if let Some((value, error)) = reference::refused(client, self.mode.into(), values)? {
+            return Err(error.about_value(&self.recording, as_written(value)));
         }
         self.stream.begin(client)?;
         client.arm().map(drop)
@@ -290,7 +271,7 @@ impl Play {
             }
             let Some(&value) = values.get((now_s * SENT_HZ) as usize) else { return Ok(false) };
             // A frame that is lost on the way is made up for by the next; many in a row are a broken line.
-            match client.order(self.set(value)) {
+            match client.order(reference::set(self.mode.into(), value)) {
                 Ok(()) => damaged = 0,
                 Err(error) if damaged >= MAX_DAMAGED => return Err(error),
                 Err(_) => damaged += 1,

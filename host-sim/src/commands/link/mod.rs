@@ -12,18 +12,14 @@ mod status;
 
 pub(super) use self::bench::LinkedBench;
 
-use std::path::PathBuf;
-
-use clap::{Args, Subcommand, ValueEnum};
-use dea_driver::wire::{Answer, Command, Identity, LearningOrder, Mode};
+use clap::{Subcommand, ValueEnum};
+use dea_driver::wire::{Answer, Command, Identity, LearningOrder};
 use dea_driver::{Blob, BlobHeader};
-use serde::Serialize;
 
-use super::options::load_at;
-use crate::error::{Error, Result, shown};
+use super::options::{blob_to_drive, load_at};
+use crate::bench::reference::What;
+use crate::commands::prelude::*;
 use crate::link::{Client, Port};
-use crate::quantity;
-use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -92,27 +88,6 @@ enum Verb {
     SelfTest(self_test::SelfTest),
 }
 
-/// Quantity that a controller follows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum What {
-    /// The voltage that is set.
-    Voltage,
-    /// The displacement that is set, without the sensor.
-    Feedforward,
-    /// The displacement that is set, with the sensor.
-    Tracking,
-}
-
-impl From<What> for Mode {
-    fn from(what: What) -> Self {
-        match what {
-            What::Voltage => Self::Voltage,
-            What::Feedforward => Self::Feedforward,
-            What::Tracking => Self::Tracking,
-        }
-    }
-}
-
 /// Use of what was learned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Order {
@@ -120,15 +95,6 @@ enum Order {
     Forget,
     /// The next run begins with it; it must follow the same reference from its beginning on.
     CarryOver,
-}
-
-impl From<Order> for LearningOrder {
-    fn from(order: Order) -> Self {
-        match order {
-            Order::Forget => Self::Forget,
-            Order::CarryOver => Self::CarryOver,
-        }
-    }
 }
 
 #[derive(Debug, Args)]
@@ -259,11 +225,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         }
         Verb::Learning { order, token } => {
             client.go_on(token.token);
-            let done = match order {
-                Order::Forget => "what was learned is forgotten",
-                Order::CarryOver => "the next run begins with what was learned",
+            let (order, done) = match order {
+                Order::Forget => (LearningOrder::Forget, "what was learned is forgotten"),
+                Order::CarryOver => (LearningOrder::CarryOver, "the next run begins with what was learned"),
             };
-            client.order(Command::Learning((*order).into())).map(|()| done)
+            client.order(Command::Learning(order)).map(|()| done)
         }
         Verb::Upload(upload) => {
             client.upload(&blob.unwrap_or_default(), !upload.only_try)?;
@@ -298,9 +264,7 @@ impl Source {
             (None, None) => return Ok(None),
             (Some(params), _) => {
                 let parameters = load_at(params, "temperature", self.temperature)?;
-                let rate_hz = super::board_rate(self.rate)?;
-                let blob = parameters.blob_to_drive(rate_hz, self.bench);
-                blob.map_err(|e| e.about(params, params.as_ref()))?
+                blob_to_drive(params, &parameters, self.rate, self.bench)?
             }
             (None, Some(path)) => {
                 let bytes = std::fs::read(path).map_err(|e| Error::file(path, e))?;

@@ -3,20 +3,16 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use clap::Args;
 use dea_driver::chips::Converters;
 use dea_driver::wire::{Answer, Command, Identity, Mode, Part, Reject, Status};
 use dea_driver::{Cause, DriverState};
-use serde::Serialize;
 
 use super::asking::{answer, going_on, hold, inspect, some_ticks, wait};
 use super::live;
-use crate::commission;
-use crate::error::{Error, Result};
+use crate::commands::prelude::*;
+use crate::commission::Check;
 use crate::interrupt;
 use crate::link::{Client, named};
-use crate::quantity;
-use crate::terminal;
 
 /// Longest time of a board for a reset.
 const COMES_BACK: Duration = Duration::from_secs(5);
@@ -45,16 +41,6 @@ pub(super) struct SelfTest {
     watchdog: bool,
 }
 
-/// A line of the table.
-#[derive(Serialize)]
-struct Check {
-    what: &'static str,
-    found: String,
-    /// The expected value, or what to check.
-    wanted: String,
-    passed: bool,
-}
-
 #[derive(Serialize)]
 struct Report {
     port: String,
@@ -67,14 +53,14 @@ struct Checks(Vec<Check>);
 
 impl Checks {
     fn add(&mut self, what: &'static str, found: impl Into<String>, wanted: impl Into<String>, passed: bool) -> bool {
-        self.0.push(Check { what, found: found.into(), wanted: wanted.into(), passed });
+        self.0.push(Check { what: what.into(), found: found.into(), wanted: wanted.into(), passed });
         passed
     }
 
     /// Prints the table of checks that `ended` so. What failed is an error.
     fn report(self, ended: Result<()>, port: String, json: bool, failure: &str) -> Result<()> {
         let text = self.table();
-        let failed: Vec<&str> = self.0.iter().filter(|check| !check.passed).map(|check| check.what).collect();
+        let failed: Vec<&str> = self.0.iter().filter(|check| !check.passed).map(|check| check.what.as_str()).collect();
         let failed = failed.join(", ");
         let passed = failed.is_empty() && ended.is_ok();
         terminal::report(json, &Report { port, passed, checks: self.0 }, || text)?;
@@ -90,7 +76,7 @@ impl Checks {
         let width = |column: fn(&Check) -> &str, title: &str| {
             self.0.iter().map(|check| column(check).chars().count()).max().unwrap_or(0).max(title.len())
         };
-        let (what, found) = (width(|check| check.what, "check"), width(|check| &check.found, "found"));
+        let (what, found) = (width(|check| &check.what, "check"), width(|check| &check.found, "found"));
         let mut text = format!("        {:what$}  {:found$}  wanted", "check", "found");
         for check in &self.0 {
             let mark = if check.passed { "ok" } else { "FAILED" };
@@ -105,21 +91,10 @@ impl SelfTest {
     pub(super) const USUAL: Self = Self { voltage: 50.0, interlock: false, watchdog: false };
 
     /// Its checks, as commissioning records them.
-    pub(super) fn checks(
-        &self,
-        client: &mut Client,
-        identity: &Identity,
-        stop: &AtomicBool,
-    ) -> Result<Vec<commission::Check>> {
+    pub(super) fn checks(&self, client: &mut Client, identity: &Identity, stop: &AtomicBool) -> Result<Vec<Check>> {
         let mut checks = Checks::default();
         self.all(client, identity, &mut checks, stop)?;
-        let check = |Check { what, found, wanted, passed }| commission::Check {
-            what: String::from(what),
-            found,
-            wanted,
-            passed,
-        };
-        Ok(checks.0.into_iter().map(check).collect())
+        Ok(checks.0)
     }
 
     pub(super) fn check(&self) -> Result<()> {

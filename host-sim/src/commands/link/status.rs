@@ -1,12 +1,10 @@
 //! `link status`: how a controller and what is connected to it are.
 
 use dea_driver::wire::{Answer, Command, Inspection, Reject, Status};
-use serde::Serialize;
 
 use super::asking::answer;
-use crate::error::Result;
+use crate::commands::prelude::*;
 use crate::link::{Client, named};
-use crate::terminal;
 
 #[derive(Serialize)]
 struct How {

@@ -3,40 +3,29 @@
 use maud::{Markup, html};
 
 use super::super::numbers::{Form, Numbers};
-use super::super::page::{Row, table, text};
+use super::super::page::{Cell, list};
 
 /// The tables of agreement of the fit at `numbers`.
 pub fn tables(numbers: &Numbers<'_>) -> Markup {
-    let recordings = numbers.at("/recordings").rows();
-    let of_force = recordings.iter().any(|row| !row.at("/rmse_n").value().is_null());
-    let (rmse, offset) = if of_force {
-        (("/rmse_n", Form::In(1e3, 3, "mN")), Form::In(1e3, 3, "mN"))
-    } else {
-        (("/rmse_m", Form::In(1e6, 2, "µm")), Form::In(1e6, 2, "µm"))
+    let recordings = numbers.at("/recordings");
+    let rows = recordings.rows();
+    let has = |path: &str| rows.iter().any(|row| !row.at(path).value().is_null());
+    let (rmse, form) = match has("/rmse_n") {
+        true => ("/rmse_n", Form::In(1e3, 3, "mN")),
+        false => ("/rmse_m", Form::In(1e6, 2, "µm")),
     };
-    let own = |name: &str| recordings.iter().any(|row| !row.at(name).value().is_null());
-    let (own_offset, own_gain) = (own("/offset"), own("/gain"));
-    let mut header = vec!["recording", "R²", "NRMSE, % of p-p", "RMS error", "samples", "model's rate"];
-    header.extend(own_offset.then_some("offset"));
-    header.extend(own_gain.then_some("gain"));
-    let rows: Vec<Row> = recordings
-        .iter()
-        .map(|row| {
-            let mut cells = vec![
-                text(row.text("/file")),
-                row.number("/r2", Form::Fixed(6)),
-                row.number("/nrmse_pct", Form::Fixed(3)),
-                row.number(rmse.0, rmse.1),
-                row.number("/samples", Form::Fixed(0)),
-                row.number("/rate_hz", Form::In(1.0, 2, "Hz")),
-            ];
-            cells.extend(own_offset.then(|| row.number("/offset", offset)));
-            cells.extend(own_gain.then(|| row.number("/gain", Form::Fixed(5))));
-            Row::new(cells)
-        })
-        .collect();
+    let mut columns = vec![
+        ("recording", Cell::Text("/file")),
+        ("R²", Cell::Number("/r2", Form::Fixed(6))),
+        ("NRMSE, % of p-p", Cell::Number("/nrmse_pct", Form::Fixed(3))),
+        ("RMS error", Cell::Number(rmse, form)),
+        ("samples", Cell::Number("/samples", Form::Fixed(0))),
+        ("model's rate", Cell::Number("/rate_hz", Form::In(1.0, 2, "Hz"))),
+    ];
+    columns.extend(has("/offset").then_some(("offset", Cell::Number("/offset", form))));
+    columns.extend(has("/gain").then_some(("gain", Cell::Number("/gain", Form::Fixed(5)))));
     html! {
-        (table("Agreement of the fit with each recording", &header, &rows))
+        (list("Agreement of the fit with each recording", &columns, &recordings))
         p {
             "R² is that of Eq. 14; NRMSE is the RMS error in % of the measurement's peak to peak. R² mean: "
             (numbers.number("/r2_mean", Form::Fixed(6))) "."

@@ -27,11 +27,7 @@ fn bounds(compression: &Numbers<'_>) -> Markup {
     ]
     .into_iter()
     .map(|(name, path, unit)| {
-        let bound = match compression.at(path).value().is_null() {
-            true => text("no bound"),
-            false => compression.number(path, Form::Digits(3)),
-        };
-        Row::new(vec![text(name), bound, text(unit)])
+        Row::new(vec![text(name), compression.number_or(path, Form::Digits(3), "no bound"), text(unit)])
     })
     .collect();
     html! {

@@ -14,15 +14,12 @@ use super::numbers::{Document, Form, Numbers};
 use super::page::{Page, Section};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Input};
-use crate::fit::Fit;
-use crate::fit::FitReport;
 use crate::fit::observation::Observation;
+use crate::fit::{Fit, FitReport};
 
 /// Contents of the page of a fit.
 pub struct FitPage<'a> {
-    /// The report.
     pub report: &'a FitReport,
-    /// The fit.
     pub fit: &'a Fit,
     /// The recordings as they were fitted.
     pub observations: &'a [Observation],
@@ -38,7 +35,6 @@ pub struct FitPage<'a> {
 pub struct Picture {
     /// In a sentence, where it was run.
     pub verdict: Option<String>,
-    /// In pictures.
     pub section: Section,
 }
 

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::super::chart;
 use super::super::figure::Figure;
 use super::super::numbers::{Form, Numbers};
-use super::super::page::{Row, table, text};
+use super::super::page::{Cell, list, text};
 use super::super::response_figure;
 use crate::files::parameters::Parameters;
 use crate::files::recording::Input;
@@ -38,64 +38,51 @@ pub fn body(numbers: &Numbers<'_>, parameters: &Parameters, observations: &[Obse
 }
 
 fn structures(numbers: &Numbers<'_>) -> Markup {
-    let structures = numbers.at("/structures").rows();
-    if structures.is_empty() {
+    let structures = numbers.at("/structures");
+    if structures.rows().is_empty() {
         return html! { p { "One structure was fitted; none was compared with it." } };
     }
     let several = numbers.at("/recordings").rows().len() > 1;
     let by = if several { "on left-out recordings" } else { "by the Bayesian criterion" };
-    let rows: Vec<Row> = structures
-        .iter()
-        .map(|row| {
-            let marked = row.at("/chosen").value() == true;
-            let nonlinear = match (row.text("/curve"), row.at("/saturates").value() == true) {
-                ("linear", false) => "linear".to_owned(),
-                ("linear", true) => "saturation".into(),
-                (curve, false) => curve.into(),
-                (curve, true) => format!("{curve} + saturation"),
-            };
-            let chosen = if marked { " (chosen)" } else { "" };
-            let cells = vec![
-                html! { (row.text("/topology")) ", n = " (row.number("/branches", Form::Fixed(0))) (chosen) },
-                text(nonlinear),
-                row.number("/variables", Form::Fixed(0)),
-                row.number("/r2_mean", Form::Fixed(6)),
-                row.number("/nrmse_pct", Form::Fixed(3)),
-                row.number("/delta_aic", Form::Fixed(0)),
-                row.number("/delta_bic", Form::Fixed(0)),
-                row.number("/left_out_nrmse_pct", Form::Fixed(3)),
-            ];
-            Row { cells, marked }
-        })
-        .collect();
+    let columns = [
+        ("structure", Cell::Made(structure)),
+        ("film", Cell::Made(nonlinearity)),
+        ("variables", Cell::Number("/variables", Form::Fixed(0))),
+        ("R²", Cell::Number("/r2_mean", Form::Fixed(6))),
+        ("NRMSE %", Cell::Number("/nrmse_pct", Form::Fixed(3))),
+        ("ΔAIC", Cell::Number("/delta_aic", Form::Fixed(0))),
+        ("ΔBIC", Cell::Number("/delta_bic", Form::Fixed(0))),
+        ("left out, NRMSE %", Cell::Number("/left_out_nrmse_pct", Form::Fixed(3))),
+    ];
     html! {
-        (table(
-            "Structures that were compared",
-            &["structure", "film", "variables", "R²", "NRMSE %", "ΔAIC", "ΔBIC", "left out, NRMSE %"],
-            &rows,
-        ))
+        (list("Structures that were compared", &columns, &structures))
         p { "The smallest structure that is not worse than the best " (by) " is chosen." }
     }
 }
 
+fn structure(row: &Numbers<'_>) -> Markup {
+    let chosen = if row.at("/chosen").value() == true { " (chosen)" } else { "" };
+    html! { (row.text("/topology")) ", n = " (row.number("/branches", Form::Fixed(0))) (chosen) }
+}
+
+fn nonlinearity(row: &Numbers<'_>) -> Markup {
+    text(match (row.text("/curve"), row.at("/saturates").value() == true) {
+        ("linear", true) => "saturation".to_owned(),
+        (curve, false) => curve.into(),
+        (curve, true) => format!("{curve} + saturation"),
+    })
+}
+
 fn branches(numbers: &Numbers<'_>) -> Markup {
-    let rows: Vec<Row> = numbers
-        .at("/relaxations")
-        .rows()
-        .iter()
-        .map(|row| {
-            Row::new(vec![
-                html! { code { "branches[" (row.number("/branch", Form::Fixed(0))) "]" } },
-                row.number("/relaxation_time_s", Form::Digits(4)),
-                row.number("/share_pct", Form::Fixed(2)),
-                text(row.text("/share_of")),
-            ])
-        })
-        .collect();
+    let relaxations = numbers.at("/relaxations");
+    let columns = [
+        ("branch", Cell::Made(|row| html! { code { "branches[" (row.number("/branch", Form::Fixed(0))) "]" } })),
+        ("relaxation time, s", Cell::Number("/relaxation_time_s", Form::Digits(4))),
+        ("share there, %", Cell::Number("/share_pct", Form::Fixed(2))),
+        ("of the", Cell::Text("/share_of")),
+    ];
     html! {
-        @if !rows.is_empty() {
-            (table("Relaxation times of the branches", &["branch", "relaxation time, s", "share there, %", "of the"], &rows))
-        }
+        @if !relaxations.rows().is_empty() { (list("Relaxation times of the branches", &columns, &relaxations)) }
     }
 }
 

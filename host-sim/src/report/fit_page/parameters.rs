@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::super::numbers::{Form, Numbers};
-use super::super::page::{Row, table, text};
+use super::super::page::{Cell, Row, list, table, text};
 
 /// The tables of the fit at `numbers`.
 pub fn tables(numbers: &Numbers<'_>) -> Markup {
@@ -11,32 +11,20 @@ pub fn tables(numbers: &Numbers<'_>) -> Markup {
 }
 
 fn estimates(uncertainty: &Numbers<'_>) -> Markup {
-    let rows: Vec<Row> = uncertainty
-        .at("/estimates")
-        .rows()
-        .iter()
-        .map(|row| {
-            let end = |path: &str| match row.at(path).value().is_null() {
-                true => text("open"),
-                false => row.number(path, Form::Digits(5)),
-            };
-            let name = row.text("/name");
-            let bound = if row.at("/at_bound").value() == true { "on its bound" } else { "" };
-            Row::new(vec![
-                html! { code { (name) } },
-                row.number("/value", Form::Digits(6)),
-                end("/low"),
-                end("/high"),
-                text(unit(name)),
-                text(bound),
-            ])
-        })
-        .collect();
-    if rows.is_empty() {
+    let estimates = uncertainty.at("/estimates");
+    if estimates.rows().is_empty() {
         return html! { p { "Intervals were not computed." } };
     }
+    let columns = [
+        ("parameter", Cell::Made(|row| html! { code { (row.text("/name")) } })),
+        ("value", Cell::Number("/value", Form::Digits(6))),
+        ("from", Cell::Made(|row| row.number_or("/low", Form::Digits(5), "open"))),
+        ("to", Cell::Made(|row| row.number_or("/high", Form::Digits(5), "open"))),
+        ("unit", Cell::Made(|row| text(unit(row.text("/name"))))),
+        ("", Cell::Made(|row| text(if row.at("/at_bound").value() == true { "on its bound" } else { "" }))),
+    ];
     html! {
-        (table("Fitted parameters with 95 % intervals from the profile likelihood", &["parameter", "value", "from", "to", "unit", ""], &rows))
+        (list("Fitted parameters with 95 % intervals from the profile likelihood", &columns, &estimates))
         p { "An end that the recordings do not set is open, or for an order 0 or 1." }
     }
 }

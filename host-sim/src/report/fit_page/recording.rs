@@ -102,11 +102,8 @@ impl Shown<'_> {
     }
 
     fn empty_loops(&self) -> Panel {
-        Panel::loops(
-            format!("{} against {}", capital(self.axis.name), self.drive.name),
-            self.drive.label(),
-            self.axis.label(),
-        )
+        let title = format!("{} against {}", capital(self.axis.name), self.drive.name);
+        Panel { is_path: true, ..Panel::new(title, self.drive.label(), self.axis.label()) }
     }
 
     fn path(&self, label: impl Into<String>, during: &Range<f64>, values: &[f64]) -> Line {
