@@ -16,7 +16,7 @@ use crate::bench::web::Sittings;
 use crate::choice::Choice;
 use crate::commission::simulated::{Fault, FaultKind, SimulatedBench};
 use crate::commission::{self, Bench, Finding, Plan, Report, Step};
-use crate::files::parameters::Parameters;
+use crate::files::parameters::{Parameters, as_written};
 use crate::files::seal;
 use crate::fit::report::Origin;
 use crate::interrupt;
@@ -156,7 +156,7 @@ impl Arguments {
         }
         if let Some([wanted, _]) = self.gauge {
             positive("gauge", wanted)?;
-            let stroke_m = f64::from(board.limits.max_displacement_m);
+            let stroke_m = as_written(board.limits.max_displacement_m);
             if wanted > MAX_GAUGE * stroke_m {
                 let cause =
                     format!("{wanted} m where the stroke is {stroke_m} m at most: state its unit, as in 2mm:2.01mm");
