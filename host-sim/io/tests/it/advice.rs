@@ -5,7 +5,7 @@ use std::fmt::Write;
 use host_io::files::import::{Blank, Edits};
 use host_io::files::recording::Recording;
 
-use super::lab_files::{Folder, has};
+use super::lab_files::{has, read, refuses, save};
 
 /// A film of 3 kV for 30 s at 20 Hz between rests, with the readings that `displacement` writes.
 fn table(header: &str, displacement: impl Fn(usize) -> String) -> String {
@@ -20,7 +20,6 @@ fn table(header: &str, displacement: impl Fn(usize) -> String) -> String {
 /// Codes of any digits are emptied by what is advised, of single precision as well.
 #[test]
 fn a_code_is_advised_as_it_is_read() {
-    let folder = Folder::new();
     let mut codes =
         [-999.999_9, -99.999_98, 9_999.999_9, 21.474_836_47, -1.0].map(|code: f64| code.to_string()).to_vec();
     codes.push(f64::from(-99.999_9_f32).to_string());
@@ -31,7 +30,7 @@ fn a_code_is_advised_as_it_is_read() {
                 "Time (s),HV (V),Laser (mm)",
                 |k| if k % 150 == 77 { code.clone() } else { format!("{:.4}", film(k)) },
             );
-        let recording = folder.read(&text, "").expect("read");
+        let recording = read(&text, "").expect("read");
         let advice = recording.drop_outs().expect("drop-outs").to_string();
         let blank: Blank = advice.split("`blank` ").nth(1).expect("advice").parse().expect("a number");
         let (series, emptied) =
@@ -44,11 +43,10 @@ fn a_code_is_advised_as_it_is_read() {
 /// A number that is not there, and one that a rest has as well, are noted.
 #[test]
 fn what_blank_empties_too_much_or_not_at_all_is_noted() {
-    let folder = Folder::new();
     let text = table("Time (s),HV (V),Laser (mm)", |k| format!("{:.4}", 0.001 * k as f64));
     let noted = |blank: &str| {
         let edits = Edits { blanks: vec![blank.parse().expect("a blank")], ..Edits::NONE };
-        let series = folder.read(&text, "").expect("read").into_series();
+        let series = read(&text, "").expect("read").into_series();
         series.edited(&edits, None).expect("rows").0.understood.notes.join("; ")
     };
     has(&noted("displacement=-1"), &["displacement empties nothing", "no number is -1"]);
@@ -63,7 +61,6 @@ fn what_blank_empties_too_much_or_not_at_all_is_noted() {
 /// A machine's displacement beside a sensor in volts, and a temperature in another unit, are questions.
 #[test]
 fn another_sensor_and_another_unit_are_questions() {
-    let folder = Folder::new();
     let beside = |names: &str| {
         let mut text = format!("Time (s),HV (V),{names}\n");
         for k in 0..60 {
@@ -73,37 +70,31 @@ fn another_sensor_and_another_unit_are_questions() {
         text
     };
     for names in ["Position (mm),Laser (V)", "Extensometer (mm),Laser (V)", "Travel (mm),Displacement (V)"] {
-        has(
-            &folder.refused(beside(names), ""),
-            &["may be the displacement", "displacement=3", "displacement=4:mm*NUMBER"],
-        );
-        folder.read(beside(names), "displacement=3").expect("chosen");
+        refuses(beside(names), "", &["may be the displacement", "displacement=3", "displacement=4:mm*NUMBER"]);
+        read(beside(names), "displacement=3").expect("chosen");
     }
     for names in ["Stroke (mm),Laser (V)", "Position (mm),Position raw (V)", "Laser (mm),Laser (V)"] {
-        folder.read(beside(names), "").expect(names);
+        read(beside(names), "").expect(names);
     }
     for unit in ["(°F)", "[K]", "(0.1 °C)", "(V)"] {
         let text = beside(&format!("Laser (mm),Temperature {unit}"));
-        has(&folder.refused(&text, "temperature=4"), &["is not in °C", "temperature=4*1"]);
+        refuses(&text, "temperature=4", &["is not in °C", "temperature=4*1"]);
     }
     for title in ["Temperature (°C)", "Temperature (film)", "Temp"] {
-        folder.read(beside(&format!("Laser (mm),{title}")), "temperature=4").expect(title);
+        read(beside(&format!("Laser (mm),{title}")), "temperature=4").expect(title);
     }
 }
 
 /// Nothing but what was written here is written over; columns without a reading are named.
 #[test]
 fn raw_files_and_empty_columns_are_recognised() {
-    let folder = Folder::new();
-    let raw = folder.file("raw.csv", "Time (s),HV (V)\n0,1\n");
-    let own = folder.file("own.csv", "time_s,voltage_v\n0,1\n");
+    let raw = save("raw.csv", "Time (s),HV (V)\n0,1\n");
+    let own = save("own.csv", "time_s,voltage_v\n0,1\n");
     assert!(Recording::is_foreign(&raw) && !Recording::is_foreign(&own));
-    assert!(
-        !Recording::is_foreign(&raw.with_file_name("none.csv")) && !Recording::is_foreign(&folder.file("new.csv", ""))
-    );
+    assert!(!Recording::is_foreign(&raw.with_file_name("none.csv")) && !Recording::is_foreign(&save("new.csv", "")));
     let text = table("Time (s),HV (V),Laser (mm)", |_| String::new());
-    let doubt = folder.read(text, "").expect("read").doubtful_response().expect("a doubt");
+    let doubt = read(text, "").expect("read").doubtful_response().expect("a doubt");
     has(&doubt, &["column 3 \"Laser (mm)\" has no reading", "formulas"]);
     let text = "time_s,voltage_v,displacement_m\n0,0,0\n1,0,1e-4\n2,0,0\n";
-    has(&folder.read(text, "").expect("read").doubtful_response().expect("a doubt"), &["voltage is 0 in all rows"]);
+    has(&read(text, "").expect("read").doubtful_response().expect("a doubt"), &["voltage is 0 in all rows"]);
 }

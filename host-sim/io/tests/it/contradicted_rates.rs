@@ -1,6 +1,6 @@
 //! Preambles with a rate and another line that contradicts it, and channels that begin at different times.
 
-use super::lab_files::{Folder, Sample, below, difference, has, rows, usual};
+use super::lab_files::{Sample, below, gives_the_samples, has, refused, refuses, rows, usual};
 
 /// The rows of the samples, at 8 Hz for 3 s, below a `preamble` and names.
 fn file(preamble: &str) -> String {
@@ -9,7 +9,6 @@ fn file(preamble: &str) -> String {
 
 #[test]
 fn a_rate_that_another_line_contradicts_is_a_question() {
-    let folder = Folder::new();
     // The lines below a rate of 80 Hz.
     let lines = "Thinning: 10|Thinning: 1/10|Skip: 9|Omit 9 of 10 rows|Data reduction: 10|Resampled to: 8 Hz|Resample rate: 8 Hz|Subsampling: 10|Sub-sampling: 10|\
                  Save mode: every 10th sample|Speicherung: jeder 10. Wert|Binning: 10|Boxcar: 10 points, non-overlapping|Samples per point: 10|\
@@ -19,11 +18,10 @@ fn a_rate_that_another_line_contradicts_is_a_question() {
                  Start time: 10:00:00\nEnd time: 10:00:03|Start: 0 s\nEnd: 3 s|Points: 240|Record length: 240 points";
     for line in lines.split('|') {
         let text = file(&format!("Sample rate: 80 Hz\n{line}"));
-        let error = folder.refused(&text, "");
+        let error = refused(&text, "");
         has(&error, &["film.txt:1:", "not certain from"]);
         assert!(error.ends_with("`rate_hz` 80 or `rate_hz` 8"), "{error}");
-        let read = folder.read_with(text, "rate=8").expect(line);
-        assert_eq!(difference(&read), None, "{line}");
+        gives_the_samples(text, "rate=8");
     }
     // What the rate itself is of, and a number that is not stated.
     for (preamble, rates) in [
@@ -37,13 +35,12 @@ fn a_rate_that_another_line_contradicts_is_a_question() {
         ("Sample rate: 80 Hz\nAveraging: on", "`rate_hz` 80"),
         ("Sample rate: 80 Hz\nSave every second sample", "`rate_hz` 80"),
     ] {
-        has(&folder.refused(file(preamble), ""), &["the rate of the rows is not certain", rates]);
+        refuses(file(preamble), "", &["the rate of the rows is not certain", rates]);
     }
 }
 
 #[test]
 fn lines_that_do_not_contradict_a_rate_are_no_question() {
-    let folder = Folder::new();
     let lines = "Thinning: 1|Thinning: none|Skip: 0|Logged with 8 Hz|Duration: 3 s|Duration: 2.875 s|Duration;3|Duration: 50 ms pulses, 1 Hz, 5 kV|\
                  Points: 24|Record length: 24 points|Start time: 10:00:00\nEnd time: 10:00:03|Start time: 23:59:59\nEnd time: 00:00:02|\
                  Low-pass filter: 2 Hz|Filter: moving average, 16 samples|Cut-off frequency: 1 Hz|Waveform: sine, 0.5 Hz|Drive frequency: 1 Hz|\
@@ -57,18 +54,14 @@ fn lines_that_do_not_contradict_a_rate_are_no_question() {
         "Sample rate [Hz]: 8\nX0;0;0".into(),
         "Start time;10:00:00.5;10:00:00.5\nSample rate: 8 Hz".into(),
     ]) {
-        let read = folder.read(file(&preamble), "").unwrap_or_else(|error| panic!("{preamble}: {error}"));
-        assert_eq!(difference(&read), None, "{preamble}");
+        gives_the_samples(file(&preamble), "");
     }
     // A column of times leaves no question.
-    let timed = rows(";", '.', usual);
-    let timed = format!("Sample rate: 80 Hz\nThinning: 10\nTime (s);HV (kV);Laser (mm)\n{timed}");
-    assert_eq!(difference(&folder.read(timed, "").expect("times")), None);
+    gives_the_samples(below("Sample rate: 80 Hz\nThinning: 10\nTime (s);HV (kV);Laser (mm)", usual), "");
 }
 
 #[test]
 fn channels_that_begin_at_different_times_are_refused() {
-    let folder = Folder::new();
     let numbers = |time: bool, columns: &dyn Fn(&Sample) -> Vec<f64>| {
         rows(";", '.', columns).lines().map(|row| if time { format!("{row}\n") } else { format!(";{row}\n") }).collect()
     };
@@ -78,13 +71,13 @@ fn channels_that_begin_at_different_times_are_refused() {
         ("HResolution;0.125;0.125\nHOffset;0.0;{}\nHUnit;s;s", "TraceName;HV (kV);Laser (mm)"),
         ("Time;10:00:00.000;10:00:0{}\nDelta_X;0.125;0.125\nX_Dimension;Time;Time", "X_Value;HV (kV);Laser (mm)"),
     ] {
-        for (rows, timed) in both.iter().zip([true, false]).filter(|(_, timed)| !timed || names.starts_with('X')) {
+        for (rows, _) in both.iter().zip([true, false]).filter(|(_, timed)| !timed || names.starts_with('X')) {
             let text = |offset: &str| format!("{}\n{names}\n{rows}", head.replace("{}", offset));
-            let error = folder.refused(text("0.5"), "");
-            has(&error, &["film.txt:", "for one channel and", ".5 s for another", "one time base", "by 0.5 s"]);
-            assert_eq!(difference(&folder.read(text("0.0"), "").expect(head)), None, "{timed}");
+            let words = ["film.txt:", "for one channel and", ".5 s for another", "one time base", "by 0.5 s"];
+            refuses(text("0.5"), "", &words);
+            gives_the_samples(text("0.0"), "");
             // Channels that are sampled in turn.
-            assert_eq!(difference(&folder.read(text("0.001"), "").expect(head)), None, "{timed}");
+            gives_the_samples(text("0.001"), "");
         }
     }
 }

@@ -7,12 +7,15 @@ use std::path::{Path, PathBuf};
 
 use host_io::Error;
 use host_io::choice::Choice;
-use host_io::files::import::{Decimal, Fill, Hints, RepeatedTimes};
+use host_io::files::import::{Choices, Decimal, Fill, Hints, Quantity, RepeatedTimes};
 use host_io::files::recording::Recording;
 
-/// The hints of `text`.
+/// The hints of `text`: columns as a person chooses them, or options with blanks between them.
 pub fn hints(text: &str) -> Hints {
     let mut hints = Hints::default();
+    if text.split_once('=').is_some_and(|(key, _)| Quantity::from_name(key).is_some()) {
+        return Hints { choices: text.parse().expect(text), ..hints };
+    }
     for (key, value) in text.split(' ').filter_map(|part| part.split_once('=')) {
         let number = || value.parse().expect(text);
         match key {
@@ -59,9 +62,11 @@ pub fn rows(separator: &str, decimal: char, columns: impl Fn(&Sample) -> Vec<f64
     text
 }
 
-/// A file of the samples: the `header`, and below it the numbers of `columns` between semicolons.
+/// A file of the samples: the `header`, and below it the numbers of `columns`, separated as the names are.
 pub fn below(header: &str, columns: impl Fn(&Sample) -> Vec<f64>) -> String {
-    format!("{header}\n{}", rows(";", '.', columns))
+    let names = header.lines().last().unwrap_or_default();
+    let separator = [";", "\t"].into_iter().find(|sign| names.contains(sign)).unwrap_or(",");
+    format!("{header}\n{}", rows(separator, '.', columns))
 }
 
 /// s, kV, mm.
@@ -98,49 +103,50 @@ pub fn difference(recording: &Recording) -> Option<String> {
     samples.iter().enumerate().find_map(differs)
 }
 
-/// Asserts that the file is read as the samples.
-fn gives_the_samples(recording: &Recording, name: &str) {
-    assert_eq!(difference(recording), None, "{name}");
+thread_local! {
+    /// Where the files of a test are.
+    static FOLDER: tempfile::TempDir = tempfile::tempdir().expect("a folder");
 }
 
-pub struct Folder(tempfile::TempDir);
-
-impl Folder {
-    pub fn new() -> Self {
-        Self(tempfile::TempDir::new().expect("a folder"))
-    }
-
-    pub fn file(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.0.path().join(name);
-        fs::write(&path, content).expect("written");
-        path
-    }
-
-    pub fn read(&self, content: impl AsRef<[u8]>, columns: &str) -> Result<Recording, Error> {
-        read(&self.file("film.txt", content), columns)
-    }
-
-    /// Reads with the answers of `hints`, which [`hints`] understands.
-    pub fn read_with(&self, content: impl AsRef<[u8]>, hints: &str) -> Result<Recording, Error> {
-        Recording::read_with(&self.file("film.txt", content), &self::hints(hints))
-    }
-
-    /// The error of a file that must be refused, on one line that names the file.
-    pub fn refused(&self, content: impl AsRef<[u8]>, columns: &str) -> String {
-        let error = self.read(content, columns).expect_err("refused").to_string();
-        assert!(error.contains("film.txt") && error.lines().count() == 1 && error.len() < 600, "{error}");
-        println!("{error}");
-        error
-    }
+/// Writes a file.
+pub fn save(name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+    let path = FOLDER.with(|folder| folder.path().join(name));
+    fs::write(&path, content).expect("written");
+    path
 }
 
-pub fn read(path: &Path, columns: &str) -> Result<Recording, Error> {
-    let choices = if columns.is_empty() { Default::default() } else { columns.parse().expect("columns") };
-    Recording::read_with(path, &Hints { choices, ..Hints::default() })
+/// Reads a file with an answer, which [`hints`] understands.
+pub fn read(content: impl AsRef<[u8]>, answer: &str) -> Result<Recording, Error> {
+    Recording::read_with(&save("film.txt", content), &hints(answer))
+}
+
+/// Asserts that a file is read as the samples.
+pub fn gives_the_samples(content: impl AsRef<[u8]>, answer: &str) {
+    let begin: String = String::from_utf8_lossy(content.as_ref()).chars().take(200).collect();
+    let recording = read(content, answer).unwrap_or_else(|error| panic!("{error}: {begin}"));
+    assert_eq!(difference(&recording), None, "{begin}");
+}
+
+/// The error of a file that must be refused, on one line that names the file.
+pub fn refused(content: impl AsRef<[u8]>, answer: &str) -> String {
+    let error = read(content, answer).expect_err("refused").to_string();
+    assert!(error.contains("film.txt") && error.lines().count() == 1 && error.len() < 600, "{error}");
+    println!("{error}");
+    error
+}
+
+/// Asserts that a file is refused so, in these `words`.
+pub fn refuses(content: impl AsRef<[u8]>, answer: &str, words: &[&str]) {
+    has(&refused(content, answer), words);
 }
 
 pub fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/lab_files").join(name)
+}
+
+/// Reads a file of `tests/lab_files`.
+pub fn read_fixture(name: &str, answer: &str) -> Result<Recording, Error> {
+    Recording::read_with(&fixture(name), &hints(answer))
 }
 
 pub fn has(error: &str, words: &[&str]) {
@@ -152,10 +158,9 @@ pub fn has(error: &str, words: &[&str]) {
 /// A comment between the rows may say that they change: it is no part of what is read.
 #[test]
 fn comments_between_the_rows_are_noted() {
-    let folder = Folder::new();
-    let table = format!("# rig 7\nTime (s),U (kV),Laser (mm)\n{}", rows(",", '.', usual));
+    let table = below("# rig 7\nTime (s),U (kV),Laser (mm)", usual);
     let (above, below) = table.split_at(table.match_indices('\n').nth(20).expect("rows").0 + 1);
-    let notes = |text: String| folder.read(text, "").expect("read").notes().join("; ");
+    let notes = |text: String| read(text, "").expect("read").notes().join("; ");
     has(
         &notes(format!("{above}# now in V\n{below}")),
         &["left out: the comment \"# now in V\" between the rows, in line 22"],
@@ -172,15 +177,14 @@ fn comments_between_the_rows_are_noted() {
 /// Inches are in brackets or written out: the word `in` names no unit.
 #[test]
 fn in_is_an_inch_in_brackets_alone() {
-    let folder = Folder::new();
     let table = |header: &str| {
         format!("Time (s),U (kV),{header}\n{}", rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm / 25.4]))
     };
-    all_give_the_samples(
-        &["Laser (in)", "Laser inch", "Laser [inches]"].map(|header| (header, table(header).into_bytes())),
-    );
-    has(&folder.refused(table("Laser in"), ""), &["\"Laser in\" has no unit"]);
-    let read = folder.read(table("Channel in"), "").expect("read");
+    for header in ["Laser (in)", "Laser inch", "Laser [inches]"] {
+        gives_the_samples(table(header), "");
+    }
+    refuses(table("Laser in"), "", &["\"Laser in\" has no unit"]);
+    let read = read(table("Channel in"), "").expect("read");
     assert_eq!(read.understood().expect("a file").ignored, ["Channel in"]);
 }
 
@@ -191,14 +195,14 @@ fn text_of_every_encoding_gives_the_samples() {
         "Zeit [s];Spannung [kV];Länge µ;Laser [mm]\n{}",
         rows(";", ',', |s| vec![s.time_s, s.voltage_kv, 3.5, s.laser_mm])
     );
-    let mut gbk = b"\xca\xb1\xbc\xe4(s),\xb5\xe7\xd1\xb9(kV),\xce\xbb\xd2\xc6(mm)\n".to_vec();
-    gbk.extend(rows(",", '.', usual).bytes());
-    let mut shift_jis = b"\x8e\x9e\x8a\xd4(s),\x93\x64\x88\xb3(kV),\x95\xcf\x88\xca(\x83\xcam)\n".to_vec();
-    shift_jis.extend(rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm * 1e3]).bytes());
+    let micrometres = |s: &Sample| vec![s.time_s, s.voltage_kv, s.laser_mm * 1e3];
+    let gbk = b"\xca\xb1\xbc\xe4(s),\xb5\xe7\xd1\xb9(kV),\xce\xbb\xd2\xc6(mm)\n";
+    let shift_jis = b"\x8e\x9e\x8a\xd4(s),\x93\x64\x88\xb3(kV),\x95\xcf\x88\xca(\x83\xcam)\n";
+    let own_unit = format!("Zeit (s)\tU (kV)\tLaser (µm)\n{}", rows("\t", ',', micrometres));
     // As the cells of a spreadsheet are handed on.
     let of_day = |s: &Sample| format!("@0 {};{};{}\n", (86398.5 + s.time_s) % 86400.0, s.voltage_kv, s.laser_mm);
     let of_days: String = samples().iter().map(of_day).collect();
-    all_give_the_samples(&[
+    for (name, content) in [
         ("times of day across midnight", format!("Time;HV (kV);Laser (mm)\n{of_days}").into_bytes()),
         ("UTF-8 with a mark", [b"\xef\xbb\xbf".as_slice(), german.as_bytes()].concat()),
         ("UTF-16 LE with a mark", [b"\xff\xfe".as_slice(), &utf_16(&german, true)].concat()),
@@ -206,23 +210,12 @@ fn text_of_every_encoding_gives_the_samples() {
         ("UTF-16 LE", utf_16(&german, true)),
         ("UTF-16 BE", utf_16(&german, false)),
         ("Latin-1", latin_1(&german)),
-        (
-            "Latin-1 with a unit of its own",
-            latin_1(&format!(
-                "Zeit (s)\tU (kV)\tLaser (µm)\n{}",
-                rows("\t", ',', |s| vec![s.time_s, s.voltage_kv, s.laser_mm * 1e3])
-            )),
-        ),
-        ("GBK", gbk),
-        ("Shift_JIS", shift_jis),
-    ]);
-}
-
-fn all_give_the_samples(files: &[(&str, Vec<u8>)]) {
-    let folder = Folder::new();
-    for (name, content) in files {
-        let recording = folder.read(content, "").unwrap_or_else(|error| panic!("{name}: {error}"));
-        gives_the_samples(&recording, name);
+        ("Latin-1 with a unit of its own", latin_1(&own_unit)),
+        ("GBK", [gbk, rows(",", '.', usual).as_bytes()].concat()),
+        ("Shift_JIS", [shift_jis, rows(",", '.', micrometres).as_bytes()].concat()),
+    ] {
+        println!("{name}");
+        gives_the_samples(content, "");
     }
 }
 
@@ -243,19 +236,19 @@ fn files_of_matlab_and_spreadsheets_give_the_samples() {
         ("rows.mat", "time=1:s,voltage=2:kV,displacement=3:mm"),
         ("two-voltages.mat", "voltage=voltage_kV"),
     ] {
-        gives_the_samples(&read(&fixture(name), columns).unwrap_or_else(|error| panic!("{error}")), name);
+        assert_eq!(difference(&read_fixture(name, columns).expect(name)), None, "{name}");
     }
-    let rows = read(&fixture("rows.mat"), "time=1:s,voltage=2:kV,displacement=3:mm").expect("read");
+    let rows = read_fixture("rows.mat", "time=1:s,voltage=2:kV,displacement=3:mm").expect("read");
     assert_eq!(rows.notes(), ["phase is complex or sparse and is not read"]);
-    has(&read(&fixture("rows.mat"), "displacement=4:mm").expect_err("complex").to_string(), &["phase is complex"]);
+    has(&read_fixture("rows.mat", "displacement=4:mm").expect_err("complex").to_string(), &["phase is complex"]);
     // Single precision is what this file has.
-    let recording = read(&fixture("integers.mat"), "").expect("read");
+    let recording = read_fixture("integers.mat", "").expect("read");
     let voltage = &recording.columns()[0].1;
     for (read, sample) in voltage.iter().zip(samples()) {
         assert_eq!(*read, f64::from((1e3 * sample.voltage_kv) as f32));
     }
     // One reading is missing in the sheet.
-    let recording = read(&fixture("workbook.xlsx"), "").expect("read");
+    let recording = read_fixture("workbook.xlsx", "").expect("read");
     let displacement = recording.displacement().expect("a laser");
     assert_eq!((displacement.value.len(), recording.time_s().len()), (23, 24));
     for (time, value) in displacement.time_s.iter().zip(&displacement.value) {
@@ -272,78 +265,65 @@ fn files_of_matlab_and_spreadsheets_give_the_samples() {
 /// A file that may be read in two ways is an error that shows both.
 #[test]
 fn two_readings_are_an_error_that_shows_both() {
-    let folder = Folder::new();
-    let two = format!(
-        "Time (s),HV set (kV),HV mon (kV),Laser (mm)\n{}",
-        rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.voltage_kv, s.laser_mm])
-    );
-    let error = folder.refused(&two, "");
-    has(&error, &["film.txt:1:", "HV set (kV)", "HV mon (kV)", "`columns` voltage="]);
-    gives_the_samples(&folder.read(&two, "voltage=3").expect("chosen"), "by number");
-    gives_the_samples(&folder.read(&two, "voltage=HV mon").expect("chosen"), "by name");
+    let voltages = |s: &Sample| vec![s.time_s, s.voltage_kv, s.voltage_kv, s.laser_mm];
+    let two = below("Time (s),HV set (kV),HV mon (kV),Laser (mm)", voltages);
+    refuses(&two, "", &["film.txt:1:", "HV set (kV)", "HV mon (kV)", "`columns` voltage="]);
+    gives_the_samples(&two, "voltage=3");
+    gives_the_samples(&two, "voltage=HV mon");
     let thousands = "Time (s);Voltage (V);Laser (mm)\n1,000;1,234;2,500\n2,000;2,345;2,600\n3,000;3,456;2,700\n";
-    has(&folder.refused(thousands, ""), &["1.234", "1234", "two ways"]);
-    let bare = format!("Time,Voltage,Laser\n{}", rows(",", '.', usual));
-    has(&folder.refused(&bare, ""), &["\"Time\" has no unit", "s, ms", "`columns` time=1:s"]);
-    gives_the_samples(
-        &folder.read(&bare, "time=Time:s,voltage=2*1000,displacement=Laser:mm").expect("chosen"),
-        "units",
-    );
-    has(&folder.refused(bare.replace("Time,Voltage", "Time (s),U (MV)"), ""), &["milli or mega"]);
-    has(
-        &read(&fixture("two-voltages.mat"), "").expect_err("two").to_string(),
-        &["voltage_kV", "hv_set_kV", "voltage="],
-    );
-    has(&read(&fixture("bare-names.mat"), "").expect_err("no units").to_string(), &["\"t\" has no unit"]);
-    has(&read(&fixture("two-runs.xlsx"), "").expect_err("two sheets").to_string(), &["Run 3", "Run 4", "`sheet`"]);
-    has(
-        &read(&fixture("texts.xlsx"), "").expect_err("texts").to_string(),
-        &["\"Laser (mm)\"", "two ways", "`decimal`"],
-    );
+    refuses(thousands, "", &["1.234", "1234", "two ways"]);
+    let bare = below("Time,Voltage,Laser", usual);
+    refuses(&bare, "", &["\"Time\" has no unit", "s, ms", "`columns` time=1:s"]);
+    gives_the_samples(&bare, "time=Time:s,voltage=2*1000,displacement=Laser:mm");
+    refuses(bare.replace("Time,Voltage", "Time (s),U (MV)"), "", &["milli or mega"]);
+    for (name, words) in [
+        ("two-voltages.mat", &["voltage_kV", "hv_set_kV", "voltage="][..]),
+        ("bare-names.mat", &["\"t\" has no unit"]),
+        ("two-runs.xlsx", &["Run 3", "Run 4", "`sheet`"]),
+        ("texts.xlsx", &["\"Laser (mm)\"", "two ways", "`decimal`"]),
+    ] {
+        has(&read_fixture(name, "").expect_err(name).to_string(), words);
+    }
     // French in Latin-1 and Chinese in GBK: each encoding knows another column.
     let mut both = b"Time (s),U (kV),D\xe9placement (mm),\xce\xbb\xd2\xc6(mm)\n".to_vec();
     both.extend(rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 7.0]).bytes());
-    has(&folder.refused(&both, ""), &["2 columns may be the displacement", "displacement=3 or", "displacement=4"]);
-    gives_the_samples(&folder.read(&both, "displacement=3").expect("by number"), "two encodings");
+    refuses(&both, "", &["2 columns may be the displacement", "displacement=3 or", "displacement=4"]);
+    gives_the_samples(&both, "displacement=3");
     // The micro sign of Latin-1 is half a letter in GBK, where the force is not known.
     let mut both = b"Time (s),U (kV),Laser (mm),Kraft (\xb5N)\n".to_vec();
     both.extend(rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 7.0]).bytes());
-    let recording = folder.read(&both, "").expect("one encoding knows more");
+    let recording = read(&both, "").expect("one encoding knows more");
     assert_eq!(recording.force().expect("a force").value, [7e-6; 24]);
 }
 
 /// Chosen columns: names, numbers, units, factors, quantities left out.
 #[test]
 fn columns_are_chosen_by_name_number_unit_and_factor() {
-    let folder = Folder::new();
     let file = format!(
         "Zeit;HV mon;Laser (V);F [mN]\n{}",
         rows(";", ',', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 250.0])
     );
     let chosen = "time=Zeit:s,voltage=\"HV mon\"*1000,displacement=3*0.001";
-    let recording = folder.read(&file, chosen).expect("chosen");
-    gives_the_samples(&recording, "chosen");
+    let recording = read(&file, chosen).expect("chosen");
+    assert_eq!(difference(&recording), None);
     assert_eq!(recording.force().expect("by its name").value, vec![0.25; 24]);
-    assert!(folder.read(&file, &format!("{chosen},force=none")).expect("chosen").force().is_none());
+    assert!(read(&file, &format!("{chosen},force=none")).expect("chosen").force().is_none());
     let headless = rows("\t", '.', usual);
-    gives_the_samples(&folder.read(&headless, "time=1:s,voltage=2:kV,displacement=3:mm").expect("numbers"), "headless");
-    has(&folder.refused(&headless, ""), &["no header", "`columns` time=1:s"]);
-    has(&folder.refused(&file, "voltage=9:V"), &["voltage=9", "4 columns"]);
-    has(&folder.refused(&file, "voltage=Monitor"), &["\"Monitor\"", "HV mon"]);
-    has(&folder.refused(&file, "time=Zeit"), &["Zeit", "no unit"]);
-    has(&folder.refused(&file, "time=Zeit:s,voltage=2*1000"), &["Laser (V)", "not one of m", "displacement=3*0.001"]);
+    gives_the_samples(&headless, "time=1:s,voltage=2:kV,displacement=3:mm");
+    refuses(&headless, "", &["no header", "`columns` time=1:s"]);
+    refuses(&file, "voltage=9:V", &["voltage=9", "4 columns"]);
+    refuses(&file, "voltage=Monitor", &["\"Monitor\"", "HV mon"]);
+    refuses(&file, "time=Zeit", &["Zeit", "no unit"]);
+    refuses(&file, "time=Zeit:s,voltage=2*1000", &["Laser (V)", "not one of m", "displacement=3*0.001"]);
     // What contradicts the header.
     let plain = below("Time (s);HV (kV);Laser_temp (°C);Weg (mm)", |s| vec![s.time_s, s.voltage_kv, 20.0, s.laser_mm]);
-    has(&folder.refused(&plain, "displacement=Laser:mm"), &["no column \"Laser\"", "3 \"Laser_temp (°C)\""]);
-    has(&folder.refused(&plain, "voltage=2,displacement=2:mm*1"), &["2 \"HV (kV)\" is both voltage and displacement"]);
-    has(&folder.refused(&plain, "voltage=4:kV"), &["4 \"Weg (mm)\"", "not one of V, kV or mV", "voltage=4:kV*1"]);
-    gives_the_samples(&folder.read(&plain, "time=time,voltage=hv,displacement=Weg").expect("named"), "without units");
-    let with_rate = |columns: &str| {
-        let hints = Hints { rate_hz: Some(8.0), choices: columns.parse().expect("columns"), ..Hints::default() };
-        Recording::read_with(&folder.file("film.txt", &plain), &hints).expect("read").notes().join("; ")
-    };
-    has(&with_rate("voltage=2"), &["the times in \"Time (s)\" are not used", "`rate_hz`"]);
-    assert_eq!(with_rate("time=none"), "");
+    refuses(&plain, "displacement=Laser:mm", &["no column \"Laser\"", "3 \"Laser_temp (°C)\""]);
+    refuses(&plain, "voltage=2,displacement=2:mm*1", &["2 \"HV (kV)\" is both voltage and displacement"]);
+    refuses(&plain, "voltage=4:kV", &["4 \"Weg (mm)\"", "not one of V, kV or mV", "voltage=4:kV*1"]);
+    gives_the_samples(&plain, "time=time,voltage=hv,displacement=Weg");
+    let notes = |answer: &str| read(&plain, answer).expect("read").notes().join("; ");
+    has(&notes("rate=8 columns=voltage=2"), &["the times in \"Time (s)\" are not used", "`rate_hz`"]);
+    assert_eq!(notes("rate=8 columns=time=none"), "");
     for (columns, word) in [
         ("volts=1", "not one of time, voltage"),
         ("voltage", "quantity=column"),
@@ -353,55 +333,49 @@ fn columns_are_chosen_by_name_number_unit_and_factor() {
         ("voltage=1,voltage=2", "twice"),
         ("voltage=\"HV", "quote"),
     ] {
-        let error = columns.parse::<host_io::files::import::Choices>().expect_err(columns);
-        assert!(error.contains(word), "{columns}: {error}");
+        has(&columns.parse::<Choices>().expect_err(columns), &[word]);
     }
 }
 
 /// The same values as `0,5,1,5` in a file separated by commas shift every value: refused, whatever the names are.
 #[test]
 fn rows_with_more_cells_than_the_header_are_refused() {
-    let folder = Folder::new();
     let shifted = rows(",", ',', usual);
     for header in ["time_s,voltage_kv,displacement_mm", "Time (s),U (kV),Laser (mm)"] {
-        let error = folder.refused(format!("{header}\n{shifted}"), "");
-        has(&error, &["film.txt:", "header of 3", "decimal comma", "semicolons"]);
+        let words = ["film.txt:", "header of 3", "decimal comma", "semicolons"];
+        refuses(format!("{header}\n{shifted}"), "", &words);
     }
     // So do commas between thousands where the last column is empty elsewhere.
     let header = "Time (s),HV (V),Laser (µm),Temp (°C),Note";
     let thousands = format!("{header}\n0.0,900.0,10.1,22.1,\n0.1,1,036.5,14.2,22.1\n0.2,950.0,11.0,22.1,\n");
-    has(&folder.refused(&thousands, ""), &["film.txt: line 3: ", "thousands", "quotes"]);
+    refuses(&thousands, "", &["film.txt: line 3: ", "thousands", "quotes"]);
     let numbers = format!("{header}\n0,900,10.1,22.1,\n1,100,14.2,22.1,7\n2,950,11.0,22.1,\n3,300,11.0,22.1,\n");
-    assert_eq!(folder.read(numbers, "").expect("no thousands").time_s(), [0.0, 1.0, 2.0, 3.0]);
+    assert_eq!(read(numbers, "").expect("no thousands").time_s(), [0.0, 1.0, 2.0, 3.0]);
     // An empty cell between blanks shifts the cells behind it, and the last column is of no use here.
-    let fixed =
-        format!("Time_s HV_kV Laser_mm Note\n{}", rows("  ", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 7.0]));
-    let missing = fixed.replacen("  0.0125  ", "          ", 1);
-    has(&folder.refused(missing, ""), &["film.txt:3:", "3 cells below 4 columns", "NaN"]);
+    let fixed = rows("  ", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 7.0]);
+    let missing = format!("Time_s HV_kV Laser_mm Note\n{}", fixed.replacen("  0.0125  ", "          ", 1));
+    refuses(missing, "", &["film.txt:3:", "3 cells below 4 columns", "NaN"]);
     // A separator at the end of a row shifts nothing.
-    let recording = folder.read("time_s,voltage_v,displacement_m\n0,0,0,\n1,5,2e-3,\n", "").expect("as ever");
+    let recording = read("time_s,voltage_v,displacement_m\n0,0,0,\n1,5,2e-3,\n", "").expect("as ever");
     assert_eq!(recording.displacement().expect("there").value, [0.0, 2e-3]);
 }
 
 /// A recording whose displacement has a name of its own: it is ignored, and the error says what to do.
 #[test]
 fn a_recording_with_another_displacement_says_how_to_name_it() {
-    let folder = Folder::new();
-    let text = format!("time_s,voltage_kv,Laser (mm)\n{}", rows(",", '.', usual));
-    let error = folder.read(&text, "").expect("a drive").displacement().expect_err("ignored").to_string();
+    let text = below("time_s,voltage_kv,Laser (mm)", usual);
+    let error = read(&text, "").expect("a drive").displacement().expect_err("ignored").to_string();
     has(&error, &["film.txt", "displacement_mm", "`columns` displacement=3:mm"]);
-    gives_the_samples(&folder.read(&text, "displacement=3:mm").expect("named"), "named");
+    gives_the_samples(&text, "displacement=3:mm");
 }
 
 /// Columns with the names of recordings are read to the bit as by the reader of recordings, and others are ignored.
 #[test]
 fn names_of_recordings_are_read_unchanged() {
-    let folder = Folder::new();
-    let text = format!(
-        "time_s,voltage_kv,displacement_mm,Laser (mm),HV (kV)\n{}",
-        rows(",", '.', |s| { vec![s.time_s, s.voltage_kv, s.laser_mm, 99.0, 99.0] })
-    );
-    let recording = folder.read(&text, "").expect("read");
+    let text = below("time_s,voltage_kv,displacement_mm,Laser (mm),HV (kV)", |s| {
+        vec![s.time_s, s.voltage_kv, s.laser_mm, 99.0, 99.0]
+    });
+    let recording = read(&text, "").expect("read");
     assert!(recording.understood().is_none());
     let again = Recording::from_csv(recording.path(), text.as_bytes()).expect("read");
     assert_eq!(recording, again);

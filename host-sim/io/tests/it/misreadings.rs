@@ -2,30 +2,18 @@
 
 use std::fmt::Write;
 
-use host_io::files::import::Hints;
-use host_io::files::recording::Recording;
-
-use super::lab_files::{Folder, Sample, below, difference, fixture, has, hints, rows, samples, usual};
+use super::lab_files::{
+    Sample, below, difference, gives_the_samples, has, read, read_fixture, refused, refuses, rows, samples, usual,
+};
 
 /// Headers above time, voltage and displacement, and one column more: what the question says, and the answer.
 #[test]
 fn rival_columns_are_a_question() {
-    let folder = Folder::new();
-    let mut faults = Vec::new();
-    let mut ask = |header: &str, answer: &str, columns: &dyn Fn(&Sample) -> Vec<f64>| {
-        let path = folder.file("film.txt", below(header, columns));
-        match Recording::read_with(&path, &Hints::default()) {
-            Ok(recording) => faults.push(format!("{header}: not asked: {:?}", recording.understood())),
-            Err(error) if !error.to_string().contains(&format!("`columns` {answer}")) => {
-                faults.push(format!("{header}: {error}"));
-            }
-            Err(_) => {}
-        }
+    let ask = |header: &str, answer: &str, columns: &dyn Fn(&Sample) -> Vec<f64>| {
+        let text = below(header, columns);
+        refuses(&text, "", &[&format!("`columns` {answer}")]);
         // The line of the question is an answer.
-        match Recording::read_with(&path, &hints(&format!("columns={answer}"))) {
-            Ok(recording) => faults.extend(difference(&recording).map(|fault| format!("{header}: {fault}"))),
-            Err(error) => faults.push(format!("{header}: {error}")),
-        }
+        gives_the_samples(text, answer);
     };
     // `?` is behind the quantity of a name that is asked about where it is the only one.
     let rivals = include_str!("files/rivals.txt").lines().filter(|line| !line.starts_with("other"));
@@ -47,13 +35,11 @@ fn rival_columns_are_a_question() {
             }
         }
     }
-    assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
 /// A force beside volts with an unknown name, or a voltage in an unknown unit: which of them drives the film is a question.
 #[test]
 fn a_force_does_not_replace_a_voltage() {
-    let folder = Folder::new();
     let numbers = rows(";", '.', |s| vec![s.time_s, 1e3 * s.voltage_kv, 0.25, s.laser_mm]);
     for (voltage, force, answer) in [
         ("Monitor (V)", "Force (N)", "voltage=2"),
@@ -64,20 +50,19 @@ fn a_force_does_not_replace_a_voltage() {
         ("Zmierzone (V)", "Siła (N)", "voltage=2"),
     ] {
         let text = format!("Time (s);{voltage};{force};Laser (mm)\n{numbers}");
-        has(&folder.refused(&text, ""), &[voltage, "`columns` voltage=2", "voltage=none"]);
-        assert_eq!(difference(&folder.read(&text, answer).expect("answered")), None, "{voltage}");
-        let recording = folder.read(&text, "voltage=none").expect("answered");
+        refuses(&text, "", &[voltage, "`columns` voltage=2", "voltage=none"]);
+        gives_the_samples(&text, answer);
+        let recording = read(&text, "voltage=none").expect("answered");
         assert_eq!(recording.drive().expect("a force").samples().value, [0.25; 24], "{voltage}");
     }
     // What is in kV is the voltage.
     let text = below("Time (s);CH1 (kV);Force (N);Laser (mm)", |s| vec![s.time_s, s.voltage_kv, 0.25, s.laser_mm]);
-    assert_eq!(difference(&folder.read(&text, "").expect("read")), None);
+    gives_the_samples(&text, "");
 }
 
 /// A channel with times of its own beside the others: which column is the time is a question.
 #[test]
 fn times_of_each_channel_are_a_question() {
-    let folder = Folder::new();
     let late = |s: &Sample| vec![s.time_s, s.voltage_kv, 0.02 + 1.5 * s.time_s, s.laser_mm];
     for (one, other) in [
         ("Time (s)", "t_laser (s)"),
@@ -87,28 +72,26 @@ fn times_of_each_channel_are_a_question() {
         ("time_s", "t2_s"),
     ] {
         let text = below(&format!("{one};HV (kV);{other};Laser (mm)"), late);
-        has(&folder.refused(&text, ""), &[one, other, "2 columns may be the time"]);
-        let read = folder.read_with(text, "columns=time=1");
-        let read = read.expect("answered");
+        refuses(&text, "", &[one, other, "2 columns may be the time"]);
+        let read = read(text, "time=1").expect("answered");
         assert_eq!(difference(&read), None, "{one}");
         has(&read.notes().join("; "), &["are not used", "at wrong times", other]);
     }
     // The same times in another unit, by another clock, or twice.
     for same in [|t: f64| 1e3 * t, |t: f64| 1.7e9 + t, |t: f64| t] {
-        let rows = rows(";", '.', |s| vec![s.time_s, s.voltage_kv, same(s.time_s), s.laser_mm]);
-        let text = format!("Time (s);HV (kV);Laser time (s);Laser (mm)\n{rows}");
-        let read = folder.read_with(text, "columns=time=1").expect("read");
+        let columns = |s: &Sample| vec![s.time_s, s.voltage_kv, same(s.time_s), s.laser_mm];
+        let text = below("Time (s);HV (kV);Laser time (s);Laser (mm)", columns);
+        let read = read(text, "time=1").expect("read");
         assert!(!read.notes().join("; ").contains("at wrong times"), "{:?}", read.notes());
     }
     // What does not increase is no time.
     let text = below("Time (s);HV (kV);Delay (ms);Laser (mm)", |s| vec![s.time_s, s.voltage_kv, 3.0, s.laser_mm]);
-    assert_eq!(difference(&folder.read(text, "").expect("read")), None);
+    gives_the_samples(text, "");
 }
 
 /// Units that change within a file.
 #[test]
 fn units_that_change_are_refused() {
-    let folder = Folder::new();
     let numbers = rows(";", '.', usual);
     let at = numbers.match_indices('\n').nth(11).expect("rows").0 + 1;
     let (first, second) = numbers.split_at(at);
@@ -118,18 +101,19 @@ fn units_that_change_are_refused() {
         ("Time;HV;Laser\ns;kV;µm\n", ["\"Laser\" µm here is \"Laser\" mm in line 1", "cut the file"]),
         ("Time;Laser;HV\ns;mm;kV\n", ["\"Laser\" mm here is \"HV\" kV in line 1", "cut the file"]),
     ] {
-        has(&folder.refused(format!("{header}{first}{other}{second}"), ""), &words);
-        let path = folder.file("film.txt", format!("{header}{first}{other}{second}"));
-        assert_eq!(Recording::read_with(&path, &hints("segment=1")).expect("one part").time_s().len(), 12);
-        Recording::read_with(&path, &hints("segment=2")).expect_err("other units");
+        let text = format!("{header}{first}{other}{second}");
+        refuses(&text, "", &words);
+        assert_eq!(read(&text, "segment=1").expect("one part").time_s().len(), 12);
+        refused(&text, "segment=2");
     }
     let with_unit = |s: &Sample| match s.voltage_kv {
         kv if kv < 1.0 => format!("{};{};V;{}\n", s.time_s, 1e3 * kv, s.laser_mm),
         kv => format!("{};{kv};kV;{}\n", s.time_s, s.laser_mm),
     };
     let text: String = samples().iter().map(with_unit).collect();
-    has(
-        &folder.refused(format!("Time (s);HV (V);Range;Laser (mm)\n{text}"), ""),
+    refuses(
+        format!("Time (s);HV (V);Range;Laser (mm)\n{text}"),
+        "",
         &["film.txt:11:", "the unit kV here and V before"],
     );
 }
@@ -137,9 +121,8 @@ fn units_that_change_are_refused() {
 /// Units that are not what they look like, or that disagree.
 #[test]
 fn units_are_read_with_their_case() {
-    let folder = Folder::new();
     let numbers = rows(";", '.', usual);
-    let refused = |header: &str, words: &[&str]| has(&folder.refused(format!("{header}\n{numbers}"), ""), words);
+    let refused = |header: &str, words: &[&str]| refuses(format!("{header}\n{numbers}"), "", words);
     refused("Time (ms);HV (kV);Laser (mm)\ns;kV;mm", &["\"Time (ms)\"", "one unit in its name and another below it"]);
     refused("Time (s);HV (kV);Laser (mm)\ns;V;mm", &["\"HV (kV)\"", "one unit in its name and another"]);
     refused("Time (Ms);HV (kV);Laser (mm)", &["\"Time (Ms)\"", "not one of s, ms"]);
@@ -163,57 +146,40 @@ fn units_are_read_with_their_case() {
         ["E kV/mm", "E_kV/mm", "E kV per mm", "V/mm", "Strain mm/mm", "N/m", "Torque N m", "Counts/mm", "°C/m"]
     {
         let text = below(&format!("Time (s);HV (kV);{compound};Laser (mm)"), five);
-        assert_eq!(difference(&folder.read(&text, "").expect(compound)), None, "{compound}");
+        gives_the_samples(&text, "");
         let text = below(&format!("Time (s);HV (kV);{compound};Laser (V)"), five);
-        has(&folder.refused(&text, ""), &["\"Laser (V)\"", "not one of m, cm, mm"]);
+        refuses(&text, "", &["\"Laser (V)\"", "not one of m, cm, mm"]);
     }
     for rate in ["Speed mm/s", "Counts/s", "1/s", "N per s", "Flow_l/min"] {
         let text = below(&format!("No;HV (kV);{rate};Laser (mm)"), five);
-        has(&folder.refused(&text, ""), &["no column time_s"]);
+        refuses(&text, "", &["no column time_s"]);
     }
     for (time, voltage, laser) in [("t/s", "V/kV", "s/mm"), ("Time/s", "U/kV", "CH 2/mm")] {
         let text = format!("{time};{voltage};{laser}\n{numbers}");
-        assert_eq!(difference(&folder.read(&text, "").expect(laser)), None, "{laser}");
+        gives_the_samples(&text, "");
     }
     // A torque is no displacement, and what hangs on the film is no weight of a row.
-    for ignored in [
-        "Sensor output (V)",
-        "Current monitor (V)",
-        "Torque (Nm)",
-        "Weight (g)",
-        "Mass (kg)",
-        "Load (g)",
-        "Temp (C)",
-        "Current (mA)",
-        "Laser status",
-    ] {
-        let text = below(&format!("Time (s);HV (kV);Laser (mm);{ignored}"), |s| {
-            vec![s.time_s, s.voltage_kv, s.laser_mm, 100.0]
-        });
-        let recording = folder.read(text, "");
-        match (ignored, recording) {
-            ("Laser status", recording) => has(&recording.expect_err("asked").to_string(), &["2 columns may be"]),
-            (_, Ok(recording)) => {
-                assert_eq!(difference(&recording), None, "{ignored}");
-                assert!(recording.weights().is_none() && recording.force().is_none(), "{ignored}");
-                assert_eq!(recording.understood().expect("a file").ignored, [ignored]);
-            }
-            (_, Err(error)) => panic!("{ignored}: {error}"),
-        }
+    let beside = |name: &str| {
+        below(&format!("Time (s);HV (kV);Laser (mm);{name}"), |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 100.0])
+    };
+    let ignored =
+        "Sensor output (V)|Current monitor (V)|Torque (Nm)|Weight (g)|Mass (kg)|Load (g)|Temp (C)|Current (mA)";
+    for ignored in ignored.split('|') {
+        let recording = read(beside(ignored), "").expect(ignored);
+        assert_eq!(difference(&recording), None, "{ignored}");
+        assert!(recording.weights().is_none() && recording.force().is_none(), "{ignored}");
+        assert_eq!(recording.understood().expect("a file").ignored, [ignored]);
     }
+    refuses(beside("Laser status"), "", &["2 columns may be"]);
     for (name, answer) in [("Weight", "weight=none"), ("Force (mm)", "force=none")] {
-        let text =
-            below(&format!("Time (s);HV (kV);Laser (mm);{name}"), |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 100.0]);
-        has(&folder.refused(&text, ""), &[name, "`columns`", "=none"]);
-        let recording = folder.read_with(text, &format!("columns={answer}"));
-        assert_eq!(difference(&recording.expect("answered")), None, "{name}");
+        refuses(beside(name), "", &[name, "`columns`", "=none"]);
+        gives_the_samples(beside(name), answer);
     }
 }
 
 /// Whole numbers whose thousands have the sign that elsewhere is decimal.
 #[test]
 fn numbers_that_can_be_read_in_two_ways_are_a_question() {
-    let folder = Folder::new();
     let volts = [0, 850, 1234, 2345, 3456, 850];
     for (group, time) in [(".", ""), (".", "."), (",", ""), (",", ",")] {
         let mut text = "Time (s);HV (V);Laser (mm)\n".to_owned();
@@ -223,27 +189,21 @@ fn numbers_that_can_be_read_in_two_ways_are_a_question() {
             let half = if time.is_empty() { k.to_string() } else { format!("{k}{time}5") };
             writeln!(text, "{half};{volts};{k}").expect("written");
         }
-        let error = folder.refused(&text, "");
-        has(&error, &["\"HV (V)\"", "two ways", "1.234", "1234", "`decimal` point", "`decimal` comma"]);
-        let path = folder.file("film.txt", &text);
-        let read = |decimal: &str| {
-            let recording =
-                Recording::read_with(&path, &hints(&format!("decimal={decimal}"))).map_err(|e| e.to_string())?;
-            Ok::<_, String>(recording.columns()[0].1.clone())
-        };
+        let words = ["\"HV (V)\"", "two ways", "1.234", "1234", "`decimal` point", "`decimal` comma"];
+        refuses(&text, "", &words);
+        let read = |decimal: &str| read(&text, &format!("decimal={decimal}")).expect("answered").columns()[0].1.clone();
         let (grouped, broken) = if group == "." { ("comma", "point") } else { ("point", "comma") };
         // With the other sign in the times there is one reading left.
         if time.is_empty() || time != group {
-            assert_eq!(read(grouped).expect("answered"), volts.map(f64::from), "{text}");
+            assert_eq!(read(grouped), volts.map(f64::from), "{text}");
         }
-        assert_eq!(read(broken).expect("answered")[..4], [0.0, 850.0, 1.234, 2.345], "{text}");
+        assert_eq!(read(broken)[..4], [0.0, 850.0, 1.234, 2.345], "{text}");
     }
 }
 
 /// Cells without a reading.
 #[test]
 fn readings_out_of_range_are_missing_and_counted() {
-    let folder = Folder::new();
     let words = "∞|-∞|OL|-OL|O.L|Overload|OVER|-FFFFFFF|+FFFFFFF|1.#QNAN|-1.#IND|1.#INF|9.9E37|9.91E+37|-9.9e+37|Inf|-inf|Infinity|#DIV/0!|NaN||--|\
                  n/a|#N/A|null|-nan|-nan(ind)|BAD";
     // Also in the first row, which shows the columns.
@@ -257,9 +217,8 @@ fn readings_out_of_range_are_missing_and_counted() {
                 _ => line.to_owned(),
             })
             .collect();
-        let path = folder.file("film.txt", lines.join("\n"));
         let given = if word == "BAD" { "words=BAD" } else { "" };
-        let recording = Recording::read_with(&path, &hints(given)).unwrap_or_else(|error| panic!("{word}: {error}"));
+        let recording = read(lines.join("\n"), given).unwrap_or_else(|error| panic!("{word}: {error}"));
         let displacement = recording.displacement().expect("a laser");
         assert_eq!((displacement.value.len(), recording.time_s().len()), (22, 24), "{word}");
         let counted = recording.notes().iter().any(|note| note.contains("2 readings of \"Laser (mm)\""));
@@ -267,88 +226,82 @@ fn readings_out_of_range_are_missing_and_counted() {
         assert_eq!(counted, !is_plain, "{word}: {:?}", recording.notes());
         // In the voltage they are a fault.
         let turned = lines.join("\n").replace("HV (kV);Laser (mm)", "Laser (mm);HV (kV)");
-        let drive = folder.read_with(turned, given).expect("read").drive();
+        let drive = read(turned, given).expect("read").drive();
         has(&drive.expect_err("a gap").to_string(), &[&format!("film.txt:{}:", first + 1), "is empty", "`fill`"]);
     }
     // Behind the values of a row, `#` begins a remark.
-    let path = folder.file("film.txt", rows(";", '.', usual).replacen(";0.05\n", ";#N/A\n", 1));
-    let read = Recording::read_with(&path, &hints("columns=time=1:s,voltage=2:kV,displacement=3:mm")).expect("read");
+    let by_number = "time=1:s,voltage=2:kV,displacement=3:mm";
+    let text = rows(";", '.', usual).replacen(";0.05\n", ";#N/A\n", 1);
+    let read = read(text, by_number).expect("read");
     assert_eq!(read.displacement().expect("a laser").value.len(), 23);
     // Names that number the columns, as of a table without names.
     for names in ["0;1;2", "1;2;3"] {
-        let counted = folder.file("film.txt", below(names, usual).replacen("0;0;", "5;0;", 1));
-        let by_number = "columns=time=1:s,voltage=2:kV,displacement=3:mm";
-        let error = Recording::read_with(&counted, &hints(by_number)).expect_err("names").to_string();
-        has(&error, &["film.txt:1:", "the numbers of the columns or the first sample", "`header_line` 1"]);
+        let counted = below(names, usual).replacen("0;0;", "5;0;", 1);
+        let words = ["film.txt:1:", "the numbers of the columns or the first sample", "`header_line` 1"];
+        refuses(counted, by_number, &words);
     }
     // Milliseconds without the zeros before them: 5, 12, 19, 40 ms.
     let unpadded = "10:00:00.5;0;1\n10:00:01.12;1;1\n10:00:02.19;2;1\n10:00:03.40;3;1\n10:00:04.271;4;1\n";
     let text = format!("Time;HV (kV);Laser (mm)\n{unpadded}");
-    has(&folder.refused(text, ""), &["without leading zeros", "5 or 500 ms", "`rate_hz`"]);
+    refuses(text, "", &["without leading zeros", "5 or 500 ms", "`rate_hz`"]);
     // What a terminal puts before each row is no zone of the time behind it.
     let logged = |s: &Sample| format!("10:00:00.{:03} -> {};{};{}\n", 1, s.time_s, s.voltage_kv, s.laser_mm);
     let logged: String = samples().iter().map(logged).collect();
-    has(&folder.refused(format!("Time (s);HV (kV);Laser (mm)\n{logged}"), ""), &["film.txt"]);
+    refuses(format!("Time (s);HV (kV);Laser (mm)\n{logged}"), "", &["film.txt"]);
     let units = |s: &Sample| format!("{} s;{} kV;{} mm\n", s.time_s, s.voltage_kv, s.laser_mm);
     let units: String = samples().iter().map(units).collect();
-    has(&folder.refused(format!("Time;HV;Laser\n{units}"), ""), &["is a number with its unit", "in the header"]);
+    refuses(format!("Time;HV;Laser\n{units}"), "", &["is a number with its unit", "in the header"]);
     let text = below("Time (s);HV (kV);Laser (mm)", usual).replace(";0.05\n", ";broken\n");
-    has(&folder.refused(text, ""), &["film.txt:2:", "\"broken\"", "not a number"]);
+    refuses(text, "", &["film.txt:2:", "\"broken\"", "not a number"]);
 }
 
 /// Rows of one time that belong to different channels are not averaged or spread; a remark in some of them is no channel.
 #[test]
 fn channels_in_rows_are_refused() {
-    let folder = Folder::new();
     let mut text = "time_s,channel,value\n".to_owned();
     for sample in samples() {
         write!(text, "{0},HV_kV,{1}\n{0},laser_mm,{2}\n", sample.time_s, sample.voltage_kv, sample.laser_mm)
             .expect("written");
     }
-    let path = folder.file("film.csv", &text);
+    let numbered = text.replace("HV_kV", "1").replace("laser_mm", "2");
     for repeated in ["mean", "spread"] {
-        let hints = hints(&format!("columns=voltage=3:kV repeated={repeated}"));
-        let error = Recording::read_with(&path, &hints).expect_err("channels").to_string();
-        has(&error, &["film.csv:", "\"channel\" changes within the rows of one time", "HV_kV", "laser_mm"]);
-        let path = folder.file("numbers.csv", text.replace("HV_kV", "1").replace("laser_mm", "2"));
-        let error = Recording::read_with(&path, &hints).expect_err("channels").to_string();
-        has(&error, &["\"channel\" changes within the rows of one time (\"1\", \"2\")"]);
-        let port = text.replace("HV_kV", "1").replace("laser_mm", "2").replace("channel", "Port");
-        let error = Recording::read_with(&folder.file("ports.csv", port), &hints).expect_err("ports").to_string();
-        has(&error, &["\"Port\" changes within the rows of one time"]);
+        let answer = format!("columns=voltage=3:kV repeated={repeated}");
+        let words = ["film.txt:", "\"channel\" changes within the rows of one time", "HV_kV", "laser_mm"];
+        refuses(&text, &answer, &words);
+        refuses(&numbered, &answer, &["\"channel\" changes within the rows of one time (\"1\", \"2\")"]);
+        let ports = numbered.replace("channel", "Port");
+        refuses(ports, &answer, &["\"Port\" changes within the rows of one time"]);
     }
     // A channel of an oscilloscope that is not used, in volts or in counts.
     for name in ["Channel C", "CH 3", "Ch (V)", "Signal"] {
         let whole = |k: usize| format!("{};{k};{k};{}\n", 0.1 * k as f64, k % 3);
         let rows: String = (0..24).map(whole).collect();
-        folder.read(format!("Time (s);HV (V);Laser (mm);{name}\n{rows}"), "").expect(name);
+        read(format!("Time (s);HV (V);Laser (mm);{name}\n{rows}"), "").expect(name);
     }
     // Each at times of its own, one by one or one behind another.
     let late = |k: usize, channel: usize| format!("{};{channel};{k};{k}\n", 0.1 * k as f64);
     for order in [|k: usize| k % 2 + 1, |k: usize| k / 12 + 1] {
         let rows: String = (0..24).map(|k| late(k, order(k))).collect();
-        let error = folder.refused(format!("Time (s);Channel;HV (V);Laser (mm)\n{rows}"), "");
-        has(&error, &["film.txt:", "\"Channel\" changes (\"1\", \"2\")", "a column of its own"]);
+        let words = ["film.txt:", "\"Channel\" changes (\"1\", \"2\")", "a column of its own"];
+        refuses(format!("Time (s);Channel;HV (V);Laser (mm)\n{rows}"), "", &words);
     }
-    let path = folder.file("film.csv", "Time (s);HV (kV);Note\n0;1;start\n0;3;ok\n1;4;ok\n1;6;ok\n2;5;\n2;7;ok\n");
-    let recording = Recording::read_with(&path, &hints("repeated=mean")).expect("read");
+    let noted = "Time (s);HV (kV);Note\n0;1;start\n0;3;ok\n1;4;ok\n1;6;ok\n2;5;\n2;7;ok\n";
+    let recording = read(noted, "repeated=mean").expect("read");
     assert_eq!(recording.columns()[0].1, [2e3, 5e3, 6e3]);
 }
 
 /// A voltage that was logged in every fourth row.
 #[test]
 fn a_drive_that_is_logged_slowly_is_a_question() {
-    let folder = Folder::new();
     let mut text = "Time (s);HV (V);Laser (mm)\n".to_owned();
     for k in 0..17 {
         let volts = if k % 4 == 0 { (100 * k).to_string() } else { String::new() };
         writeln!(text, "{};{volts};{k}", 0.5 * f64::from(k)).expect("written");
     }
-    let path = folder.file("film.txt", &text);
-    let error = Recording::read(&path).expect("read").drive().expect_err("gaps").to_string();
+    let error = read(&text, "").expect("read").drive().expect_err("gaps").to_string();
     has(&error, &["film.txt:3:", "`fill` hold", "`fill` linear"]);
     let filled = |how: &str| {
-        let recording = Recording::read_with(&path, &hints(&format!("fill={how}"))).expect("read");
+        let recording = read(&text, &format!("fill={how}")).expect("read");
         has(&recording.notes().join("; "), &["12 empty cells"]);
         recording.drive().expect("complete").samples().value.clone()
     };
@@ -359,8 +312,8 @@ fn a_drive_that_is_logged_slowly_is_a_question() {
         ("0;0;0", "0;;0", ["film.txt:2: HV (V) is empty", "`from` 2 and `to` 8"]),
         ("8;1600;16", "8;;16", ["film.txt: HV (V) is empty at 6.5 s", "`from` 0 and `to` 6"]),
     ] {
-        let path = folder.file("film.txt", text.replace(&format!("\n{row}\n"), &format!("\n{empty}\n")));
-        let drive = Recording::read_with(&path, &hints("fill=linear")).expect("read").drive();
+        let text = text.replace(&format!("\n{row}\n"), &format!("\n{empty}\n"));
+        let drive = read(text, "fill=linear").expect("read").drive();
         has(&drive.expect_err("an end").to_string(), &words);
     }
 }
@@ -368,101 +321,82 @@ fn a_drive_that_is_logged_slowly_is_a_question() {
 /// Lines that are left out of a file are noted.
 #[test]
 fn what_is_left_out_is_noted() {
-    let folder = Folder::new();
     let header = "Time (s);HV (kV);Laser (mm)";
     let numbers = rows(";", '.', usual);
+    let read = |text: String, answer: &str| read(text, answer).expect("read").notes().join("; ");
     let notes = |text: String| {
-        let recording = folder.read(text, "").expect("read");
-        assert_eq!(difference(&recording), None);
-        recording.notes().join("; ")
+        gives_the_samples(&text, "");
+        read(text, "")
     };
     has(&notes(format!("{header}\n{numbers}Mean;1;2\nStd;3;4\n")), &["2 lines below the rows", "Mean;1;2"]);
     has(&notes(format!("{header}\nGain;1000;1\n{numbers}")), &["line 2", "not applied"]);
     assert_eq!(notes(format!("{header}\n{numbers}")), "");
     // A damaged row is not one of statistics.
-    has(&folder.refused(format!("{header}\n{numbers}3.x;1;2\n"), ""), &["film.txt:26:", "\"3.x\""]);
-    has(&folder.refused(format!("{header}\n{numbers}4;Mean;2\n"), ""), &["film.txt:26:", "\"Mean\""]);
-    has(&folder.refused(format!("{header}\nx;0;0\n{numbers}"), ""), &["film.txt:2:", "\"x\""]);
-    has(&folder.refused(format!("{header}\n{numbers}Pause;;\n4;1;2\n5;1;2\n"), ""), &["film.txt:26:", "\"Pause\""]);
+    refuses(format!("{header}\n{numbers}3.x;1;2\n"), "", &["film.txt:26:", "\"3.x\""]);
+    refuses(format!("{header}\n{numbers}4;Mean;2\n"), "", &["film.txt:26:", "\"Mean\""]);
+    refuses(format!("{header}\nx;0;0\n{numbers}"), "", &["film.txt:2:", "\"x\""]);
+    refuses(format!("{header}\n{numbers}Pause;;\n4;1;2\n5;1;2\n"), "", &["film.txt:26:", "\"Pause\""]);
     // A first row of gains has a time that does not fit.
-    let gains = "Time (s);HV (kV);Laser (mm)\n1;1000;0.5\n".to_owned()
-        + &rows(";", '.', |s| vec![20.0 + s.time_s, s.voltage_kv, s.laser_mm]);
-    let recording = folder.read(gains, "").expect("read");
-    has(&recording.notes().join("; "), &["the first row is 19 s from the next", "gains"]);
-    has(&folder.refused(format!("{header}\n1;1000;0.5\n{numbers}"), ""), &["film.txt:3:", "goes backwards"]);
+    let later = rows(";", '.', |s| vec![20.0 + s.time_s, s.voltage_kv, s.laser_mm]);
+    let gains = read(format!("{header}\n1;1000;0.5\n{later}"), "");
+    has(&gains, &["the first row is 19 s from the next", "gains"]);
+    refuses(format!("{header}\n1;1000;0.5\n{numbers}"), "", &["film.txt:3:", "goes backwards"]);
     // And so has a last row of statistics.
-    let recording =
-        Recording::read(&folder.file("count.txt", format!("{header}\n{numbers}\n24;2.2;0.6\n"))).expect("read");
-    has(
-        &recording.notes().join("; "),
-        &["the last row is 21.125 s from the next, the others are 0.125 s apart", "statistics"],
-    );
-    let book = Recording::read(&fixture("split.xlsx")).expect("read");
+    let count = read(format!("{header}\n{numbers}\n24;2.2;0.6\n"), "");
+    has(&count, &["the last row is 21.125 s from the next, the others are 0.125 s apart", "statistics"]);
+    let book = read_fixture("split.xlsx", "").expect("read");
     has(&book.notes().join("; "), &["in the spreadsheets \"Laser\" are not read"]);
     let back = rows(";", '.', |s| vec![9.0 - s.time_s, s.voltage_kv, s.laser_mm]);
-    let path = folder.file("back.txt", format!("{header}\n{back}"));
-    let recording = Recording::read_with(&path, &hints("rate=8")).expect("read");
-    has(&recording.notes().join("; "), &["the times in \"Time (s)\" are not used"]);
+    has(&read(format!("{header}\n{back}"), "rate=8"), &["the times in \"Time (s)\" are not used"]);
 }
 
 /// A displacement that was ignored, or a size in its place, is not silent.
 #[test]
 fn a_response_that_is_missing_or_constant_is_reported() {
-    let folder = Folder::new();
     for name in ["u (mm)", "u_mm", "u/mm", "v [mm]"] {
         let text = below(&format!("Time (s);HV (kV);{name}"), usual);
-        let recording = folder.read(&text, "").expect("read");
+        let recording = read(&text, "").expect("read");
         assert_eq!(difference(&recording), None, "{name}");
         assert_eq!(recording.doubtful_response(), None, "{name}");
     }
     let with_laser = below("Time (s);HV (kV);u (mm);Laser (mm)", |s| vec![s.time_s, s.voltage_kv, 7.0, s.laser_mm]);
-    has(&folder.refused(with_laser, ""), &["2 columns may be the displacement"]);
+    refuses(with_laser, "", &["2 columns may be the displacement"]);
     // A displacement in letters of another encoding, or beside names of this tool.
     let mut russian = b"Time (s),HV (kV),\xd5\xee\xe4(\xec\xea\xec)\n".to_vec();
     russian.extend(rows(",", '.', usual).bytes());
-    let own = format!("time_s,voltage_kv,laser_mm\n{}", rows(",", '.', usual));
+    let own = below("time_s,voltage_kv,laser_mm", usual);
     for (text, name) in [(russian, ""), (own.into_bytes(), "\"laser_mm\"")] {
-        let remark = folder.read(text, "").expect("a drive").doubtful_response().expect("a remark");
+        let remark = read(text, "").expect("a drive").doubtful_response().expect("a remark");
         has(&remark, &["no displacement was read", name, "`columns` displacement=NUMBER:UNIT"]);
     }
-    let drive = format!("time_s,voltage_kv\n{}", rows(",", '.', |s| vec![s.time_s, s.voltage_kv]));
-    assert_eq!(folder.read(drive, "").expect("a drive").doubtful_response(), None);
+    let drive = below("time_s,voltage_kv", |s| vec![s.time_s, s.voltage_kv]);
+    assert_eq!(read(drive, "").expect("a drive").doubtful_response(), None);
     let size = below("Time (s);HV (kV);CH2 (mm)", |s| vec![s.time_s, s.voltage_kv, 0.5]);
-    let remark = folder.read(size, "").expect("read").doubtful_response().expect("a remark");
+    let remark = read(size, "").expect("read").doubtful_response().expect("a remark");
     has(&remark, &["the displacement is 0.0005 m in all rows", "`columns` displacement=NUMBER:UNIT"]);
     // Relaxation.
     let held = "time_s,force_n,displacement_m\n0,1,1e-3\n1,0.8,1e-3\n2,0.7,1e-3\n";
-    assert_eq!(folder.read(held, "").expect("read").doubtful_response(), None);
+    assert_eq!(read(held, "").expect("read").doubtful_response(), None);
 }
 
 /// Numbers that fit no film, with the unit that was likely meant; in files of this tool as in others.
 #[test]
 fn implausible_numbers_are_reported_with_the_likely_unit() {
-    let folder = Folder::new();
+    let (own, lab) = ("time_s,voltage_v,displacement_m", "Time (s),HV (kV),Laser (mm)");
+    let kilovolts = "time_s,voltage_kv,displacement_m";
+    let millimetres = "time_s,voltage_v,displacement_mm";
     // Time in s, voltage in V, displacement in m, factor of each, and the finding.
     let cases: [(&str, [f64; 3], &[&str]); 13] = [
-        ("time_s,voltage_v,displacement_m", [1.0, 1.0, 1.0], &[]),
-        (
-            "time_s,voltage_kv,displacement_m",
-            [1.0, 1.0, 1.0],
-            &["6000000 V", "V in a column of kV", "`columns` voltage=2:V"],
-        ),
-        (
-            "time_s,voltage_v,displacement_m",
-            [1000.0, 1.0, 1.0],
-            &["10 s apart", "ms in a column of s", "`columns` time=1:ms"],
-        ),
-        (
-            "time_s,voltage_v,displacement_mm",
-            [1.0, 1.0, 1e6],
-            &["the stroke is", "µm in a column of mm", "`columns` displacement=3:µm"],
-        ),
-        ("time_s,voltage_v,displacement_m", [1.0, 1.0, 1e3], &["mm in a column of m?", "`columns` displacement=3:mm"]),
-        ("time_s,voltage_v,displacement_mm", [1.0, 1.0, 1.0], &["m in a column of mm?", "displacement=3:m"]),
-        ("time_s,voltage_v,displacement_m", [1.0, 1e-3, 1.0], &["6 V", "`columns` voltage=2*1000"]),
-        ("Time (s),HV (kV),Laser (mm)", [1.0, 1.0, 1e3], &["V in a column of kV", "`columns` voltage=2:V"]),
-        ("Time (s),HV (kV),Laser (mm)", [1e3, 1e-3, 1e3], &["ms in a column of s"]),
-        ("Time (s),HV (kV),Laser (mm)", [1.0, 1e-3, 1e6], &["µm in a column of mm"]),
+        (own, [1.0, 1.0, 1.0], &[]),
+        (kilovolts, [1.0, 1.0, 1.0], &["6000000 V", "V in a column of kV", "`columns` voltage=2:V"]),
+        (own, [1000.0, 1.0, 1.0], &["10 s apart", "ms in a column of s", "`columns` time=1:ms"]),
+        (millimetres, [1.0, 1.0, 1e6], &["the stroke is", "µm in a column of mm", "`columns` displacement=3:µm"]),
+        (own, [1.0, 1.0, 1e3], &["mm in a column of m?", "`columns` displacement=3:mm"]),
+        (millimetres, [1.0, 1.0, 1.0], &["m in a column of mm?", "displacement=3:m"]),
+        (own, [1.0, 1e-3, 1.0], &["6 V", "`columns` voltage=2*1000"]),
+        (lab, [1.0, 1.0, 1e3], &["V in a column of kV", "`columns` voltage=2:V"]),
+        (lab, [1e3, 1e-3, 1e3], &["ms in a column of s"]),
+        (lab, [1.0, 1e-3, 1e6], &["µm in a column of mm"]),
         ("Time (s),HV (V),Laser (µm)", [1.0, 1.0, 1e3], &["mm in a column of µm?", "displacement=3:mm"]),
         ("Time (ms),HV (V),Laser (m)", [3.0, 1.0, 1.0], &["0.08997 s in all: seconds in a column of ms"]),
         ("time_ms,voltage_v,displacement_m", [1e-3, 1.0, 1.0], &["seconds in a column of ms", "`columns` time=1:s"]),
@@ -475,8 +409,7 @@ fn implausible_numbers_are_reported_with_the_likely_unit() {
             writeln!(text, "{},{},{}", time * t, voltage * 3000.0 * phase, displacement * 0.4e-3 * phase)
                 .expect("written");
         }
-        let recording = Recording::read(&folder.file("film.csv", text)).expect("read");
-        let found = recording.implausible();
+        let found = read(text, "").expect("read").implausible();
         assert_eq!(found.len(), usize::from(!words.is_empty()), "{header}: {found:?}");
         has(&found.join("; "), words);
     }

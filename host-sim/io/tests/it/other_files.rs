@@ -1,39 +1,19 @@
 //! Logs of amplifiers and material tests as laboratories have them: the same reader as for recordings.
 
 use std::fmt::Write;
-use std::fs;
-use std::path::PathBuf;
 
 use host_io::Error;
 use host_io::files::amplifier_log::AmplifierLog;
-use host_io::files::import::Hints;
 use host_io::files::material_test::{MaterialTest, Strain};
 
-struct Folder(tempfile::TempDir);
+use super::lab_files::{has, hints, save};
 
-impl Folder {
-    fn new() -> Self {
-        Self(tempfile::tempdir().expect("a folder"))
-    }
-
-    fn file(&self, content: &[u8]) -> PathBuf {
-        let path = self.0.path().join("file.txt");
-        fs::write(&path, content).expect("written");
-        path
-    }
-
-    fn log(&self, text: &str, columns: &str) -> Result<AmplifierLog, Error> {
-        AmplifierLog::read(&self.file(text.as_bytes()), &hints(columns))
-    }
-
-    fn test(&self, text: &str, columns: &str) -> Result<MaterialTest, Error> {
-        MaterialTest::read(&self.file(text.as_bytes()), &hints(columns))
-    }
+fn log(text: &str, columns: &str) -> Result<AmplifierLog, Error> {
+    AmplifierLog::read(&save("file.txt", text), &hints(columns))
 }
 
-fn hints(columns: &str) -> Hints {
-    let choices = if columns.is_empty() { Ok(Default::default()) } else { columns.parse() };
-    Hints { choices: choices.expect("columns"), ..Hints::default() }
+fn test(text: &str, columns: &str) -> Result<MaterialTest, Error> {
+    MaterialTest::read(&save("file.txt", text), &hints(columns))
 }
 
 /// Command and monitor in kV: up at once, the monitor a fifth of the way later; both with a decimal comma.
@@ -54,7 +34,6 @@ fn german(header: &str) -> String {
 
 #[test]
 fn an_amplifiers_log_is_read_in_the_labs_dialect() {
-    let folder = Folder::new();
     for (header, columns) in [
         ("Zeit [ms];HV Soll [kV];HV Ist [kV]", ""),
         ("Time (ms);Command voltage (kV);Voltage monitor (kV)", ""),
@@ -62,7 +41,7 @@ fn an_amplifiers_log_is_read_in_the_labs_dialect() {
         ("t/ms;U/kV;CH2", "command=2,voltage=CH2:kV"),
         ("t/ms;CH1;CH2", "command=CH1*1000,voltage=3*1000"),
     ] {
-        let log = folder.log(&german(header), columns).unwrap_or_else(|error| panic!("{header}: {error}"));
+        let log = log(&german(header), columns).unwrap_or_else(|error| panic!("{header}: {error}"));
         assert_eq!(log.time_s.len(), 120, "{header}");
         for k in 0..120 {
             let [command, monitor] = volts(k).map(|kilovolts| 1e3 * kilovolts);
@@ -78,14 +57,12 @@ fn an_amplifiers_log_is_read_in_the_labs_dialect() {
 
 #[test]
 fn two_voltages_without_words_are_not_guessed() {
-    let folder = Folder::new();
     for (header, named) in [
         ("Time (ms);CH1 (kV);CH2 (kV)", ["columns may be the", "CH1"]),
         ("Time (ms);HV Soll (kV);Temp (°C)", ["voltage_v", "`columns` voltage=NUMBER:kV"]),
         ("Time (ms);Command;HV Ist (kV)", ["\"Command\" has no unit", "`columns` command=2:kV"]),
     ] {
-        let error = folder.log(&german(header), "").expect_err(header).to_string();
-        assert!(named.iter().all(|part| error.contains(part)), "{header}: {error}");
+        has(&log(&german(header), "").expect_err(header).to_string(), &named);
     }
 }
 
@@ -102,7 +79,6 @@ fn machine(header: &str, row: impl Fn(f64) -> [f64; 2]) -> String {
 
 #[test]
 fn a_material_test_is_read_in_the_labs_dialect() {
-    let folder = Folder::new();
     let of_stretch = |k: f64| [1.0 + 0.02 * k, 0.01 * k];
     let of_specimen = |k: f64| [2.0 * k, 0.1 * k];
     let in_inches = |k: f64| [2.0 * k / 25.4, 0.1 * k / 4.4482216152605];
@@ -116,7 +92,7 @@ fn a_material_test_is_read_in_the_labs_dialect() {
         (machine("Zeit (s);a;b", of_stretch), "stretch=2,stress=3:MPa"),
         (machine("Zeit (s);Traverse Weg (mm);Kraft (N)", of_specimen), ""),
     ] {
-        let test = folder.test(&text, columns).unwrap_or_else(|error| panic!("{text}: {error}"));
+        let test = test(&text, columns).unwrap_or_else(|error| panic!("{text}: {error}"));
         let displacement = test.displacement_m(Some(0.1), Strain::Engineering).expect("a length");
         let force = test.force_n(Some(1e-5)).expect("an area");
         for k in 0..40 {
@@ -131,9 +107,8 @@ fn a_material_test_is_read_in_the_labs_dialect() {
 
 #[test]
 fn what_is_not_read_here_is_refused_with_what_is() {
-    let folder = Folder::new();
-    let error = folder.log(&german("Time (ms);Command (kV);HV (kV)"), "stress=2:MPa").expect_err("no stress");
+    let error = log(&german("Time (ms);Command (kV);HV (kV)"), "stress=2:MPa").expect_err("no stress");
     assert!(error.to_string().ends_with("`columns` stress: what is read here is time, command, voltage"), "{error}");
-    let error = folder.test(&machine("Time (s);a;b", |k| [k, k]), "").expect_err("no names").to_string();
-    assert!(error.contains("no column stretch or displacement_m") && error.contains("stretch=NUMBER"), "{error}");
+    let error = test(&machine("Time (s);a;b", |k| [k, k]), "").expect_err("no names").to_string();
+    has(&error, &["no column stretch or displacement_m", "stretch=NUMBER"]);
 }

@@ -1,6 +1,6 @@
 //! Two columns of one kind, factors in titles, and set points: each is a question where it is not certain.
 
-use crate::lab_files::{Folder, Sample, difference, has, rows};
+use crate::lab_files::{Sample, difference, gives_the_samples, has, read, refuses, rows};
 
 /// The cells that a column has in such a file.
 type Cells = fn(&Sample) -> f64;
@@ -21,17 +21,16 @@ const ELSEWHERE: Cells = |s| 7.0 + 0.1 * s.laser_mm;
 /// A unit in a wrong encoding, or one that is not known, leaves its column a rival of others.
 #[test]
 fn a_column_whose_unit_cannot_be_read_is_a_rival() {
-    let folder = Folder::new();
     for unit in ["\u{fffd}m", "Âµm", "lines", "0.001 mm?"] {
         let text =
             file(["Time (s)", "HV (V)", &format!("Laser ({unit})"), "Position (mm)"], "", [VOLTS, UM, ELSEWHERE]);
-        has(&folder.refused(&text, ""), &["2 columns may be the displacement", "displacement=3", "displacement=4"]);
-        assert_eq!(difference(&folder.read(&text, "displacement=3*1e-6").expect("answered")), None, "{unit}");
+        refuses(&text, "", &["2 columns may be the displacement", "displacement=3", "displacement=4"]);
+        gives_the_samples(&text, "displacement=3*1e-6");
     }
     // Units that are known, also of something else, leave no question.
     for (laser, cells) in [("Laser (㎛)", UM), ("Laser (мкм)", UM), ("Laser (㎜)", MM)] {
         let text = file(["Time (s)", "HV (V)", laser, "Laser (°C)"], "", [VOLTS, cells, ELSEWHERE]);
-        assert_eq!(difference(&folder.read(&text, "").expect("read")), None, "{laser}");
+        gives_the_samples(&text, "");
     }
     for (name, cells) in [
         ("HV (kVDC)", KILOVOLTS),
@@ -44,18 +43,17 @@ fn a_column_whose_unit_cannot_be_read_is_a_rival() {
         ("Napięcie (V)", VOLTS),
     ] {
         let text = file(["Time (s)", name, "Laser (mm)", "Force (N)"], "", [cells, MM, ELSEWHERE]);
-        assert_eq!(difference(&folder.read(&text, "").expect("read")), None, "{name}");
+        gives_the_samples(&text, "");
     }
     let field =
         file(["Time (s)", "Field (V/µm)", "Laser (mm)", "Force (N)"], "", [|s| 10.0 * s.voltage_kv, MM, ELSEWHERE]);
-    has(&folder.refused(&field, ""), &["electric field", "voltage=2:V*NUMBER", "voltage=none"]);
-    assert_eq!(difference(&folder.read(&field, "voltage=2:V*100").expect("answered")), None);
+    refuses(&field, "", &["electric field", "voltage=2:V*NUMBER", "voltage=none"]);
+    gives_the_samples(&field, "voltage=2:V*100");
 }
 
 /// A factor or a computation in a title, in any form, is a question; a number of a channel is not.
 #[test]
 fn factors_in_titles_are_a_question() {
-    let folder = Folder::new();
     for (voltage, laser) in [
         ("HV 1 V = 2 kV", "Laser (mm)"),
         ("HV % of 6 kV", "Laser (mm)"),
@@ -82,12 +80,11 @@ fn factors_in_titles_are_a_question() {
         ("HV (V)", "abs(Laser) (mm)"),
     ] {
         let text = file(["Time (s)", voltage, laser, "T (°C)"], "", [VOLTS, MM, ELSEWHERE]);
-        let error = folder.refused(&text, "");
-        has(&error, &[if voltage == "HV (V)" { laser } else { voltage }, "`columns`"]);
+        refuses(&text, "", &[if voltage == "HV (V)" { laser } else { voltage }, "`columns`"]);
     }
     for time in ["Time 5 ms", "Time 1e-3 s", "Time in steps of 5 ms"] {
         let text = file([time, "HV (V)", "Laser (mm)", "T (°C)"], "", [VOLTS, MM, ELSEWHERE]);
-        has(&folder.refused(&text, ""), &[time, "`columns` time=1"]);
+        refuses(&text, "", &[time, "`columns` time=1"]);
     }
     for (time, laser) in [
         ("Time (s)", "Laser 2 mm"),
@@ -99,14 +96,13 @@ fn factors_in_titles_are_a_question() {
         ("Time (s)", "Incremental encoder, displacement (mm)"),
     ] {
         let text = file([time, "HV (V)", laser, "T (°C)"], "", [VOLTS, MM, ELSEWHERE]);
-        assert_eq!(difference(&folder.read(&text, "").expect("read")), None, "{time} {laser}");
+        gives_the_samples(&text, "");
     }
 }
 
 /// A set point is not a measurement, in every language and also where a row above the names says it.
 #[test]
 fn set_points_are_a_question() {
-    let folder = Folder::new();
     let order = |s: &Sample| if s.laser_mm > 0.5 { 3.0 } else { 0.0 };
     for (set, measured) in [
         ("Spanning ingesteld (kV)", "Spanning gemeten (V)"),
@@ -117,29 +113,29 @@ fn set_points_are_a_question() {
         ("Tensión ajustada (kV)", "Tensión medida (V)"),
     ] {
         let text = file(["t (s)", measured, "Laser (mm)", set], "", [VOLTS, MM, order]);
-        assert_eq!(difference(&folder.read(&text, "voltage=2").expect("answered")), None);
-        match folder.read(&text, "") {
+        gives_the_samples(&text, "voltage=2");
+        match read(&text, "") {
             Ok(recording) => assert_eq!(difference(&recording), None, "{set}"),
             Err(error) => has(&error.to_string(), &["voltage=2"]),
         }
     }
     for name in ["Posição de referência (mm)", "Hedef konum (mm)", "Žádaná poloha (mm)"] {
         let text = file(["t (s)", "U (kV)", "Laser (V)", name], "", [KILOVOLTS, |s| 2.0 * s.laser_mm, order]);
-        has(&folder.refused(&text, ""), &[name, "asked for"]);
+        refuses(&text, "", &[name, "asked for"]);
     }
     let text = file(
         ["Time (s)", "HV (V)", "Laser (V)", "Position (mm)"],
         ";Amplifier;Measured;Setpoint\n",
         [VOLTS, MM, order],
     );
-    has(&folder.refused(&text, ""), &["Position", "asked for"]);
+    refuses(&text, "", &["Position", "asked for"]);
     // Cells that were merged have their text in the first one, and those after the last are missing.
     let merged =
         file(["Time (s)", "HV (V)", "Laser (V)", "Position (mm)"], ";Amplifier;Setpoint\n", [VOLTS, MM, order]);
-    has(&folder.refused(&merged, ""), &["asked for"]);
+    refuses(&merged, "", &["asked for"]);
     let sound =
         file(["Time (s)", "HV (V)", "Laser (mm)", "T (°C)"], ";Amplifier;Measured;Room\n", [VOLTS, MM, ELSEWHERE]);
-    assert_eq!(difference(&folder.read(&sound, "").expect("read")), None);
+    gives_the_samples(&sound, "");
     let piezo = file(["Time (s)", "HVPS (V)", "Laser (mm)", "Piezo voltage (V)"], "", [VOLTS, MM, ELSEWHERE]);
-    has(&folder.refused(&piezo, ""), &["2 columns may be the voltage"]);
+    refuses(&piezo, "", &["2 columns may be the voltage"]);
 }

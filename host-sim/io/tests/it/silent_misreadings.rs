@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::lab_files::{Folder, has};
+use super::lab_files::{has, read, refuses};
 
 const ROWS: usize = 60;
 
@@ -37,7 +37,6 @@ fn two(k: usize, names: [&str; 2]) -> String {
 
 #[test]
 fn rows_of_fewer_cells_are_refused() {
-    let folder = Folder::new();
     let four = format!("{USUAL};T (°C)");
     let lost = |k: usize| match k {
         30 => format!("{};1.5;22.5", at(k)),
@@ -50,20 +49,19 @@ fn rows_of_fewer_cells_are_refused() {
     };
     for text in [text(&four, lost), text(&four, merged)] {
         for separator in [";", ",", "\t"] {
-            let error = folder.refused(text.replace(';', separator), "");
-            has(&error, &["film.txt: line 32: ", "3 cells, and most rows have 4", "between its separators"]);
+            let words = ["film.txt: line 32: ", "3 cells, and most rows have 4", "between its separators"];
+            refuses(text.replace(';', separator), "", &words);
         }
     }
     let glued = text(&four, |k| if k == 30 { with(k, "22.5") } else { with(k, ";22.5") });
-    has(&folder.refused(glued, ""), &["film.txt:32: ", "not a number"]);
+    refuses(glued, "", &["film.txt:32: ", "not a number"]);
     let own = text("time_s;voltage_v;displacement_mm;temp_c", lost).replace(';', ",");
-    has(&folder.refused(own, ""), &["film.txt: line 32: ", "3 cells"]);
-    has(&folder.refused(text(&four, slow_laser), ""), &["film.txt: line 3: ", "as those in column 4"]);
+    refuses(own, "", &["film.txt: line 32: ", "3 cells"]);
+    refuses(text(&four, slow_laser), "", &["film.txt: line 3: ", "as those in column 4"]);
 }
 
 #[test]
 fn rows_of_several_films_are_refused() {
-    let folder = Folder::new();
     for (name, names) in [
         ("Film", ["A", "B"]),
         ("Film", ["1", "2"]),
@@ -72,16 +70,15 @@ fn rows_of_several_films_are_refused() {
         ("Probe", ["left", "right"]),
         ("Wert", ["7", "3"]),
     ] {
-        let error = folder.refused(text(&FILM.replace("Film", name), |k| two(k, names)), "");
-        has(&error, &["film.txt: line 3: ", name, names[0], names[1], "alternates", "remove this column"]);
+        let words = ["film.txt: line 3: ", name, names[0], names[1], "alternates", "remove this column"];
+        refuses(text(&FILM.replace("Film", name), |k| two(k, names)), "", &words);
     }
     let one = |k: usize| format!("{};{};{}", at(k), ["HV", "Laser"][k % 2], [1500.0, 0.01][k % 2]);
-    has(&folder.refused(text("Time (s);Variable;Voltage (V)", one), ""), &["\"Variable\" alternates"]);
+    refuses(text("Time (s);Variable;Voltage (V)", one), "", &["\"Variable\" alternates"]);
 }
 
 #[test]
 fn dates_beside_times_are_not_ignored() {
-    let folder = Folder::new();
     let jump = |days: [&'static str; 2]| move |k: usize| format!("{};{}", days[k / 30], with(k, ""));
     let on_clock =
         |days: [&'static str; 2]| move |k: usize| format!("{};10:00:{:02};{}", days[k / 30], k, film(k, 0.3));
@@ -92,36 +89,33 @@ fn dates_beside_times_are_not_ignored() {
         ("Date", text("Date;Time;HV (V);Laser (mm)", on_clock(dates))),
         ("日期", text("日期;Time;HV (V);Laser (mm)", on_clock(dates))),
     ] {
-        let error = folder.refused(&text, "");
-        has(&error, &["film.txt: line 32: ", name, "midnight", "2026-11-24 10:00:01", "time=2"]);
-        assert!(folder.read(&text, "time=2").is_ok(), "{name}");
+        refuses(&text, "", &["film.txt: line 32: ", name, "midnight", "2026-11-24 10:00:01", "time=2"]);
+        assert!(read(&text, "time=2").is_ok(), "{name}");
     }
 }
 
 #[test]
 fn times_and_names_that_are_doubtful_are_questions() {
-    let folder = Folder::new();
     let counted = text(&format!("{USUAL};"), |k| format!("{};{}", k + 1, with(k, "")));
-    has(&folder.refused(counted, ""), &["film.txt: line 2: ", "counts the rows", "`columns`"]);
+    refuses(counted, "", &["film.txt: line 2: ", "counts the rows", "`columns`"]);
     let hours = text("Time (h:min);HV (V);Laser (mm)", |k| format!("10:00.{:06};{}", 167 * k, film(k, 0.3)));
-    has(&folder.refused(hours, ""), &["film.txt: line 2: ", "hours and minutes"]);
+    refuses(hours, "", &["film.txt: line 2: ", "hours and minutes"]);
     let thirds = |k: usize| format!("10:00:{:02}.{};{}", k / 3, ["21", "354", "688"][k % 3], film(k, 0.3));
-    has(&folder.refused(text("Time;HV (V);Laser (mm)", thirds), ""), &["milliseconds without leading zeros"]);
+    refuses(text("Time;HV (V);Laser (mm)", thirds), "", &["milliseconds without leading zeros"]);
     let logged = text("asctime,Laser (µm),HV (V),note", |k| {
         format!("2026-11-24 10:{:02}:00,{},{:.1},{k}.5", k, 100 + k, 13.0 + k as f64)
     });
-    has(&folder.refused(logged, ""), &["film.txt: line 2: ", "decimal comma", "`columns`"]);
+    refuses(logged, "", &["film.txt: line 2: ", "decimal comma", "`columns`"]);
 }
 
 #[test]
 fn a_status_of_a_few_rows_and_a_change_of_the_gain_are_noted() {
-    let folder = Folder::new();
     for (good, bad) in [("OK", "ERR"), ("OK", "error 12"), ("Good", "Bad"), ("ok", "overrange"), ("gültig", "Fehler 3")]
     {
         let text = text(&format!("{USUAL};Status"), |k| {
             with(k, &format!(";{}", if (40..43).contains(&k) { bad } else { good }))
         });
-        let notes = folder.read(text, "").expect("read").notes().join("; ");
+        let notes = read(text, "").expect("read").notes().join("; ");
         let shown = if ["ERR", "overrange"].contains(&bad) { "an error" } else { bad };
         has(&notes, &["\"Status\"", shown, "3 rows", "line 42", "`blank`"]);
     }
@@ -130,16 +124,15 @@ fn a_status_of_a_few_rows_and_a_change_of_the_gain_are_noted() {
         let text = |first: &'static str| {
             text(&format!("{USUAL};{name}"), |k| with(k, &format!(";{}", if k < 40 { first } else { after })))
         };
-        let notes = folder.read(text(before), "").expect("read").notes().join("; ");
+        let notes = read(text(before), "").expect("read").notes().join("; ");
         has(&notes, &[&format!("{name:?}"), &format!("from {before} to {after}"), "line 42"]);
-        assert_eq!(folder.read(text(after), "").expect("read").notes().join("; ").find("changes"), None);
+        assert_eq!(read(text(after), "").expect("read").notes().join("; ").find("changes"), None);
     }
 }
 
 /// Files of the same kinds in which nothing is doubtful.
 #[test]
 fn sound_rows_are_read_without_a_question() {
-    let folder = Folder::new();
     let pick = |k: usize, every: usize, is: &'static str| if k.is_multiple_of(every) { is } else { "" };
     let midnight = |k: usize, day: &str| {
         let of_day = (86370 + k) % 86400;
@@ -179,7 +172,7 @@ fn sound_rows_are_read_without_a_question() {
         text("Time (min:s);HV (V);Laser (mm)", |k| format!("10:{:02}.5;{}", k, film(k, 0.3))),
     ];
     for case in cases {
-        let recording = folder.read(&case, "").unwrap_or_else(|error| panic!("{error}\n{}", &case[..120]));
+        let recording = read(&case, "").unwrap_or_else(|error| panic!("{error}\n{}", &case[..120]));
         assert_eq!(recording.time_s().len(), ROWS);
         // Rows an hour apart are unusual.
         let notes: Vec<&String> = recording.notes().iter().filter(|note| !note.contains("unusual")).collect();

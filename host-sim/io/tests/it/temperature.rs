@@ -7,7 +7,7 @@ use host_io::files::import::{Hints, Quantity};
 use host_io::files::parameters::Parameters;
 use host_io::files::recording::Recording;
 
-use crate::lab_files::Folder;
+use crate::lab_files::save;
 use crate::spring_in_series::{self, parsed};
 
 /// The film with a spring in series, with branches and a dependence.
@@ -79,20 +79,8 @@ fn a_temperature_that_is_not_used_is_named() {
         let csv = format!("time_s,{columns}\n0,{rows}\n1,{rows}\n");
         Recording::from_csv(Path::new("r.csv"), csv.as_bytes()).expect("valid").unused_temperature()
     };
-    for name in [
-        "Temp (°C)",
-        "temperature_k",
-        "ambientTemperature",
-        "T °C",
-        "T [℃]",
-        "Température",
-        "环境温度",
-        "室温",
-        "PT100",
-        "Temp1",
-        "NTC2 (K)",
-        "Raumtemperatur",
-    ] {
+    let names = "Temp (°C)|temperature_k|ambientTemperature|T °C|T [℃]|Température|环境温度|室温|PT100|Temp1|NTC2 (K)|Raumtemperatur";
+    for name in names.split('|') {
         let remark = remark(&format!("voltage_v,{name}"), "1,20").unwrap_or_default();
         assert!(remark.starts_with(&format!("{name:?} is not used")), "{name}: {remark}");
     }
@@ -101,8 +89,7 @@ fn a_temperature_that_is_not_used_is_named() {
     }
     // The film's is there, and what has no film has none.
     assert_eq!(remark("voltage_v,temperature_c,Temp (°C)", "1,20,20"), None);
-    let folder = Folder::new();
-    let path = folder.file("reference.csv", "time_s,displacement_m,Temp (°C)\n0,0,20\n1,1e-3,20\n");
+    let path = save("reference.csv", "time_s,displacement_m,Temp (°C)\n0,0,20\n1,1e-3,20\n");
     let reference = Recording::read_reference(&path, &Hints::default()).expect("valid");
     assert_eq!(reference.unused_temperature(), None);
 }

@@ -7,7 +7,7 @@ use host_io::files::recording::Recording;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-use super::lab_files::{Folder, latin_1, utf_16};
+use super::lab_files::{latin_1, save, utf_16};
 
 /// How a file is written.
 #[derive(Clone, Debug)]
@@ -166,8 +166,7 @@ proptest! {
             time += step;
             [time, *volts, *laser]
         }).collect();
-        let folder = Folder::new();
-        let path = folder.file("film.txt", dialect.file(&rows));
+        let path = save("film.txt", dialect.file(&rows));
         let columns = match read(&path) {
             Ok(columns) => columns,
             Err(error) => {

@@ -7,7 +7,7 @@ use host_io::files::import::{Blank, Edits, Fill, Quantity};
 use host_io::files::recording::Recording;
 
 use super::cut_files::Noise;
-use super::lab_files::{Folder, below, has};
+use super::lab_files::{below, has, read, refuses};
 
 /// A drive from 0 to 1 at a time.
 type Drive = fn(f64) -> f64;
@@ -176,11 +176,10 @@ fn codes_among_voltages_are_found() {
 /// Columns of voltages that are not on the film: by their names a question, by their numbers a warning.
 #[test]
 fn voltages_of_mains_and_controls_are_not_the_films() {
-    let folder = Folder::new();
     let rivals = include_str!("files/rivals.txt").lines();
     for name in rivals.filter_map(|line| line.strip_prefix("other voltage: ")) {
         let text = below(&format!("Time (s);{name};Laser (mm)"), |s| vec![s.time_s, 1e3 * s.voltage_kv, s.laser_mm]);
-        has(&folder.refused(&text, ""), &["`columns` voltage="]);
+        refuses(&text, "", &["`columns` voltage="]);
     }
     // Rows at 100 Hz of numbers that are all of the mains, or of a control voltage.
     let table = |volts: &dyn Fn(f64) -> f64| {
@@ -209,16 +208,15 @@ fn voltages_of_mains_and_controls_are_not_the_films() {
 }
 
 /// Remarks on a recording of these times, in a column with this name, and voltages.
-fn doubts(folder: &Folder, time: &str, rows: impl Iterator<Item = (f64, f64)>) -> String {
+fn doubts(time: &str, rows: impl Iterator<Item = (f64, f64)>) -> String {
     let mut text = format!("{time},voltage_v,displacement_m\n");
     rows.for_each(|(t, volts)| writeln!(text, "{t},{volts},{}", 1e-10 * volts * volts).expect("written"));
-    folder.read(text, "").expect("read").implausible().join("\n")
+    read(text, "").expect("read").implausible().join("\n")
 }
 
 /// Milliseconds in a column of seconds, at any usual rate, and seconds in one of milliseconds; slow recordings are not reported.
 #[test]
 fn milliseconds_in_a_column_of_seconds_are_found() {
-    let folder = Folder::new();
     for (step, period, found) in [
         (0.5, 5000.0, true),
         (1.0, 5000.0, true),
@@ -229,14 +227,14 @@ fn milliseconds_in_a_column_of_seconds_are_found() {
     ] {
         let volts = |t: f64| 1500.0 * (1.0 - (TAU * t / period).cos());
         let times = (0..30_000).map(|k| step * f64::from(k));
-        let text = doubts(&folder, "time_s", times.map(|t| (t, volts(t))));
+        let text = doubts("time_s", times.map(|t| (t, volts(t))));
         assert_eq!(text.contains("ms in a column of s?"), found, "{step} {period}: {text}");
     }
     // 150 and 600 s at 20 and 10 Hz.
     for (seconds, rate_hz, unit_s) in [(150, 20, 1.0), (600, 10, 1.0), (150, 20, 1e3), (3, 1000, 1e3)] {
         let times = (0..seconds * rate_hz).map(|k| f64::from(k) / f64::from(rate_hz));
         let rows = times.map(|t| (t * unit_s, 1500.0 * (1.0 - (TAU * t / 2.0).cos())));
-        let text = doubts(&folder, "time_ms", rows);
+        let text = doubts("time_ms", rows);
         assert_eq!(text.contains("seconds in a column of ms?"), unit_s == 1.0, "{seconds} {rate_hz}: {text}");
     }
 }
@@ -244,10 +242,9 @@ fn milliseconds_in_a_column_of_seconds_are_found() {
 /// Minutes and hours in a column of seconds, of random recordings; none in seconds is doubted.
 #[test]
 fn minutes_and_hours_in_a_column_of_seconds_are_found() {
-    let folder = Folder::new();
     let mut noise = Noise(29);
     let mut range = |low: f64, high: f64| low + 0.5 * (noise.next() + 1.0) * (high - low);
-    let mut read = 0;
+    let mut judged = 0;
     for case in 0..60 {
         let rate_hz = [10.0, 20.0, 50.0, 100.0, 200.0, 250.0, 500.0][range(0.0, 7.0) as usize];
         let (unit_s, unit) = [(60.0, "min"), (3600.0, "h"), (1.0, "")][case % 3];
@@ -261,8 +258,8 @@ fn minutes_and_hours_in_a_column_of_seconds_are_found() {
             writeln!(text, "{:.decimals$},{volts:.1},{}", t / unit_s, 1e-10 * volts * volts).expect("written");
         }
         // Rows of one time, where the decimals are too few, are another question.
-        let Ok(recording) = folder.read(text, "") else { continue };
-        read += 1;
+        let Ok(recording) = read(text, "") else { continue };
+        judged += 1;
         let text = recording.implausible().join("\n");
         let wanted = format!("{unit} in a column of s? State the unit, as in `columns` time=1:{unit}");
         assert!(
@@ -270,7 +267,7 @@ fn minutes_and_hours_in_a_column_of_seconds_are_found() {
             "{rate_hz} {period_s} {unit}: {text}"
         );
     }
-    assert!(read > 45, "{read}");
+    assert!(judged > 45, "{judged}");
     // A camera's rate is round in minutes as well; a step has no cycles.
     for (rate_hz, hold, found) in
         [(60.0, false, false), (120.0, false, false), (100.0, true, false), (6000.0, true, true)]
@@ -278,7 +275,7 @@ fn minutes_and_hours_in_a_column_of_seconds_are_found() {
         let step = |t: f64| 2000.0 * f64::from(u8::from(t > 0.12));
         let volts = |t: f64| if hold { step(t) } else { 1500.0 * (1.0 - (TAU * t).cos()) };
         let times = (0..(1800.0_f64).min(20.0 * rate_hz) as u32).map(|k| f64::from(k) / rate_hz);
-        let text = doubts(&folder, "time_s", times.map(|t| (t, volts(t))));
+        let text = doubts("time_s", times.map(|t| (t, volts(t))));
         assert_eq!(text.contains("min in a column of s?"), found, "{rate_hz} {hold}: {text}");
     }
 }
@@ -286,7 +283,6 @@ fn minutes_and_hours_in_a_column_of_seconds_are_found() {
 /// Millimetres in a column of micrometres.
 #[test]
 fn millimetres_in_a_column_of_micrometres_are_found() {
-    let folder = Folder::new();
     for (peak, found) in [(0.4, true), (2.6, true), (5.0, true), (45.0, false), (2600.0, false)] {
         let table = |header: &str| {
             let mut text = format!("{header}\n");
@@ -297,11 +293,11 @@ fn millimetres_in_a_column_of_micrometres_are_found() {
             text
         };
         for (header, hints) in [("time_s,voltage_v,displacement_um", ""), ("Time (s),HV (V),Laser (µm)", "")] {
-            let text = folder.read(table(header), hints).expect("read").implausible().join("\n");
+            let text = read(table(header), hints).expect("read").implausible().join("\n");
             assert_eq!(text.contains("mm in a column of µm? State the unit"), found, "{header} {peak}: {text}");
         }
         // A person's word.
-        let text = folder.read(table("Time (s),HV (V),Laser"), "displacement=3:um").expect("read").implausible();
+        let text = read(table("Time (s),HV (V),Laser"), "displacement=3:um").expect("read").implausible();
         assert!(peak < 3.0 || text.is_empty(), "{peak}: {text:?}");
     }
 }
@@ -309,7 +305,6 @@ fn millimetres_in_a_column_of_micrometres_are_found() {
 /// One reading of the voltage that was lost, in random recordings, is named with its time, and what is advised empties it alone.
 #[test]
 fn lone_readings_of_the_drive_are_named() {
-    let folder = Folder::new();
     let mut noise = Noise(31);
     let mut range = |low: f64, high: f64| low + 0.5 * (noise.next() + 1.0) * (high - low);
     for case in 0..60 {
@@ -336,7 +331,7 @@ fn lone_readings_of_the_drive_are_named() {
             let volts = if lost.contains(&k) { value } else { *volts };
             writeln!(text, "{t:.5},{volts:.1},{film:.7}").expect("written");
         }
-        let recording = folder.read(&text, "").expect("read");
+        let recording = read(&text, "").expect("read");
         let found = recording.implausible().join("\n");
         if lost.is_empty() {
             assert!(found.is_empty(), "{case}: {found}");
