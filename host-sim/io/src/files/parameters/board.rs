@@ -69,7 +69,7 @@ pub(super) struct BoardTable {
     limits: Option<Limits>,
     control: Option<Control>,
     self_test_above_v: Option<f32>,
-    self_sensing: Option<Spanned<SelfSensing>>,
+    pub(super) self_sensing: Option<Spanned<SelfSensing>>,
 }
 
 /// The film as its own sensor: what `self-sensing` writes, and the monitor of its current.
@@ -108,11 +108,6 @@ fn some_calibration<'de, D: de::Deserializer<'de>>(
 }
 
 impl BoardTable {
-    /// The table of self-sensing, with its place.
-    pub(super) fn self_sensing(&self) -> Option<&Spanned<SelfSensing>> {
-        self.self_sensing.as_ref()
-    }
-
     /// The board, with what it leaves out from `bench`.
     pub(super) fn board(&self, bench: Board) -> Board {
         let given = [
@@ -209,29 +204,16 @@ impl Board {
 
     /// The table as TOML, numbers as short as they were written, without what is [`missing`](Self::missing).
     pub(super) fn to_toml(&self) -> toml::Table {
-        let mut table = self.whole_table();
-        for key in &self.missing {
-            match table.get_mut(*key).and_then(toml::Value::as_table_mut) {
-                // Its times are the file's, its calibration is the bench's.
-                Some(amplifier) if *key == "amplifier" && self.amplifier_lag != AmplifierLag::NONE => {
-                    amplifier.retain(|key, _| key.ends_with("_s"));
-                }
-                _ => {
-                    table.remove(*key);
-                }
-            }
-        }
-        table
-    }
-
-    fn whole_table(&self) -> toml::Table {
         let mut table = toml::Table::try_from(self).unwrap_or_default();
         table.iter_mut().for_each(|(_, value)| shorten(value));
-        if let (Some(amplifier), true) =
-            (table.get_mut("amplifier").and_then(toml::Value::as_table_mut), self.amplifier_lag != AmplifierLag::NONE)
+        self.missing.iter().for_each(|key| drop(table.remove(*key)));
+        // Its times are the file's, also where its calibration is the bench's.
+        let AmplifierLag { rise_s, fall_s } = self.amplifier_lag;
+        if self.amplifier_lag != AmplifierLag::NONE
+            && let toml::Value::Table(amplifier) = table.entry("amplifier").or_insert_with(|| toml::Table::new().into())
         {
-            amplifier.insert("rise_s".into(), self.amplifier_lag.rise_s.into());
-            amplifier.insert("fall_s".into(), self.amplifier_lag.fall_s.into());
+            amplifier.insert("rise_s".into(), rise_s.into());
+            amplifier.insert("fall_s".into(), fall_s.into());
         }
         table
     }

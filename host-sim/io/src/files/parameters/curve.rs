@@ -82,18 +82,19 @@ impl ElasticCurve {
                 let _ = writeln!(text, "exponent = {exponent:?} # 0 is Hencky's strain, 1 the displacement");
                 let _ = writeln!(text, "length_m = {length_m:?} # at x = 0\nfrom_m = {low_m:?}\nto_m = {high_m:?}");
             }
-            Shape::Free => {
-                let mut row = |name: &str, of: fn(&Knot<f64>) -> f64| {
-                    let numbers: Vec<f64> = self.curve.knots().iter().map(of).collect();
-                    let _ = writeln!(text, "{name} = {numbers:?}");
-                };
-                row("displacement_m", |knot| knot.displacement);
-                row("value_m", |knot| knot.value);
-                row("slope", |knot| knot.slope);
-            }
+            Shape::Free => text.push_str(&knots_to_toml(self.curve.knots(), "value_m", "slope")),
         }
         text
     }
+}
+
+/// The rows of `knots` as TOML text, those of their values and slopes by these names.
+pub(super) fn knots_to_toml(knots: &[Knot<f64>], value: &str, slope: &str) -> String {
+    let row = |name: &str, of: fn(&Knot<f64>) -> f64| {
+        let numbers: Vec<f64> = knots.iter().map(of).collect();
+        format!("{name} = {numbers:?}\n")
+    };
+    row("displacement_m", |knot| knot.displacement) + &row(value, |knot| knot.value) + &row(slope, |knot| knot.slope)
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -193,11 +194,8 @@ impl CurveTable {
                 return Err(format!("{} displacements and {} slopes", points.len(), slopes.len()));
             }
             Some(slopes) => {
-                let knots: Vec<Knot<f64>> = points
-                    .iter()
-                    .zip(slopes)
-                    .map(|(&(displacement, value), &slope)| Knot { displacement, value, slope })
-                    .collect();
+                let knot = |(&(displacement, value), &slope): (&(f64, f64), &f64)| Knot { displacement, value, slope };
+                let knots: Vec<Knot<f64>> = points.iter().zip(slopes).map(knot).collect();
                 // What was written is read unchanged.
                 Curve::new(&knots).or_else(|_| Curve::scaled(&knots))
             }

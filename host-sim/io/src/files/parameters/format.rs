@@ -4,14 +4,14 @@ use std::fmt::Write;
 use std::ops::Range;
 
 use serde::Deserialize;
-use springpot::{Actuator, Maxwell, ModelElement, ModelError, Preload, Springpot, Topology};
+use springpot::{Actuator, Maxwell, ModelElement, ModelError, Preload, Springpot, TemperatureDependence, Topology};
 use toml::Spanned;
 
 use super::Parameters;
 use super::board::BoardTable;
 use super::curve::CurveTable;
 use super::spring::{self, SpringTable};
-use super::temperature::{self, TemperatureTable};
+use super::temperature;
 use crate::choice::Choice;
 
 /// The versions of the format: the second has elastic curves, saturation, and couplings of either sign, the third a spring and strain measures, the
@@ -26,43 +26,30 @@ pub(super) struct FileTable {
     pub(super) name: String,
     pub(super) actuator: ActuatorTable,
     pub(super) model: ModelTable,
-    #[serde(default)]
     pub(super) curve: Option<Spanned<CurveTable>>,
-    #[serde(default)]
     pub(super) spring: Option<Spanned<SpringTable>>,
-    #[serde(default)]
-    pub(super) temperature: Option<Spanned<TemperatureTable>>,
-    #[serde(default)]
+    pub(super) temperature: Option<Spanned<TemperatureDependence>>,
     pub(super) sensor: Option<SensorTable>,
-    #[serde(default)]
     pub(super) board: Option<Spanned<BoardTable>>,
     /// Origin of the numbers, free text.
-    #[serde(default)]
     pub(super) provenance: Option<toml::Table>,
 }
 
 /// A parameter file of which only the actuator is wanted; it may lack the rest.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[expect(dead_code, reason = "fields without a use are keys that are no fault")]
 pub(super) struct ActuatorFileTable {
     pub(super) schema: Spanned<u32>,
-    #[serde(default, rename = "name")]
-    _name: Option<String>,
+    name: Option<String>,
     pub(super) actuator: ActuatorTable,
-    #[serde(default, rename = "model")]
-    _model: Option<toml::Value>,
-    #[serde(default, rename = "curve")]
-    _curve: Option<toml::Value>,
-    #[serde(default, rename = "spring")]
-    _spring: Option<toml::Value>,
-    #[serde(default, rename = "temperature")]
-    _temperature: Option<toml::Value>,
-    #[serde(default, rename = "sensor")]
-    _sensor: Option<toml::Value>,
-    #[serde(default, rename = "board")]
-    _board: Option<toml::Value>,
-    #[serde(default, rename = "provenance")]
-    _provenance: Option<toml::Value>,
+    model: Option<toml::Value>,
+    curve: Option<toml::Value>,
+    spring: Option<toml::Value>,
+    temperature: Option<toml::Value>,
+    sensor: Option<toml::Value>,
+    board: Option<toml::Value>,
+    provenance: Option<toml::Value>,
 }
 
 /// A parameter file of which only the board is wanted.
@@ -106,17 +93,19 @@ pub(super) struct ModelTable {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub(super) struct SensorTable {
     /// Reading of the displacement sensor for a film at x = 0, m.
-    #[serde(default = "zero")]
     pub(super) offset_m: Spanned<f64>,
     /// Time by which its readings are late, s.
-    pub(super) delay_s: Option<Spanned<f64>>,
+    pub(super) delay_s: Spanned<f64>,
 }
 
-fn zero() -> Spanned<f64> {
-    Spanned::new(0..0, 0.0)
+impl Default for SensorTable {
+    fn default() -> Self {
+        let zero = Spanned::new(0..0, 0.0);
+        Self { offset_m: zero.clone(), delay_s: zero }
+    }
 }
 
 #[derive(Deserialize)]
@@ -208,16 +197,8 @@ const ASSUMED: &str = "sizes = \"assumed\" # not this film's: fields are not kno
 
 /// Parameters as TOML text.
 pub(super) fn write(parameters: &Parameters) -> String {
-    let Actuator {
-        relative_permittivity,
-        length_m,
-        width_m,
-        thickness_m,
-        mass_kg,
-        preload,
-        stretch_coupling,
-        saturation_v,
-    } = parameters.actuator;
+    let Actuator { relative_permittivity, length_m, width_m, thickness_m, mass_kg, .. } = parameters.actuator;
+    let Actuator { preload, stretch_coupling, saturation_v, .. } = parameters.actuator;
     // Files that do without what is new stay readable for earlier versions.
     let schema = parameters.schema();
     let saturation = saturation_v.map(|volts| format!("saturation_v = {volts:?}\n")).unwrap_or_default();

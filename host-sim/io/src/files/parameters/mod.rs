@@ -21,7 +21,7 @@ use crate::files::bounded;
 pub use board::{Board, SelfSensing, as_written, below_resonance};
 pub use curve::{ElasticCurve, Shape};
 pub use film::{Film, controller_rate};
-use format::{ActuatorFileTable, ActuatorTable, BoardFileTable, FileTable, SCHEMAS};
+use format::{ActuatorFileTable, ActuatorTable, BoardFileTable, FileTable, SCHEMAS, SensorTable};
 
 /// An actuator and the model of its film.
 #[derive(Clone, Debug, PartialEq)]
@@ -102,11 +102,16 @@ impl Parameters {
             let names: Vec<&str> = Preset::ALL.iter().map(Preset::name).collect();
             Error::Usage(format!("preset:{name}: unknown preset; the presets are {}", names.join(", ")))
         })?;
-        Ok(Self {
-            name: format!("karner-2022-{}", preset.name()),
-            actuator: Actuator::KARNER_2022,
+        Ok(Self::new(format!("karner-2022-{}", preset.name()), Actuator::KARNER_2022, preset.model()?))
+    }
+
+    /// A linear film with its own sizes.
+    fn new(name: String, actuator: Actuator, model: Maxwell) -> Self {
+        Self {
+            name,
+            actuator,
             assumed_sizes: false,
-            model: preset.model()?,
+            model,
             curve: None,
             spring: None,
             temperature: None,
@@ -115,7 +120,7 @@ impl Parameters {
             sensor_delay_s: 0.0,
             board: None,
             provenance: None,
-        })
+        }
     }
 
     /// Reads a parameter file.
@@ -182,38 +187,29 @@ impl Parameters {
             .model
             .model(actuator.mass_kg)
             .map_err(|e| place.error(file.model.place_of(&e).unwrap_or(0..0), short(&e)))?;
-        let offset = file.sensor.as_ref().map(|sensor| &sensor.offset_m);
-        let sensor_offset_m = offset.map_or(0.0, |offset| *offset.get_ref());
-        plausibility::check_offset(sensor_offset_m)
-            .map_err(|cause| place.error(offset.map_or(0..0, toml::Spanned::span), cause))?;
-        let delay = file.sensor.as_ref().and_then(|sensor| sensor.delay_s.as_ref());
-        let sensor_delay_s = delay.map_or(0.0, |delay| *delay.get_ref());
+        let SensorTable { offset_m, delay_s } = file.sensor.unwrap_or_default();
+        let [sensor_offset_m, sensor_delay_s] = [*offset_m.get_ref(), *delay_s.get_ref()];
+        plausibility::check_offset(sensor_offset_m).map_err(|cause| place.error(offset_m.span(), cause))?;
         if sensor_delay_s.is_nan() || sensor_delay_s.abs() > MAX_SENSOR_DELAY_S {
             let cause =
                 format!("delay_s = {sensor_delay_s} must be from -{MAX_SENSOR_DELAY_S} to {MAX_SENSOR_DELAY_S} s");
-            return Err(place.error(delay.map_or(0..0, toml::Spanned::span), cause));
+            return Err(place.error(delay_s.span(), cause));
         }
-        let curve = match &file.curve {
-            Some(curve) if schema == 1 => return Err(place.error(curve.span(), needs_schema_2("[curve]"))),
-            Some(curve) => curve
-                .get_ref()
-                .curve(&actuator)
-                .map_err(|cause| place.error(curve.span(), format!("[curve] {cause}")))?,
-            None => None,
-        };
+        let mut curve = None;
+        if let Some(table) = &file.curve {
+            if schema == 1 {
+                return Err(place.error(table.span(), needs_schema_2("[curve]")));
+            }
+            let refused = |cause: String| place.error(table.span(), format!("[curve] {cause}"));
+            curve = table.get_ref().curve(&actuator).map_err(refused)?;
+        }
         let mut parameters = Self {
-            name: file.name,
-            actuator,
             assumed_sizes: file.actuator.sizes_are_assumed(),
-            model,
             curve,
-            spring: None,
-            temperature: None,
-            method: Discretisation::Gl,
             sensor_offset_m,
             sensor_delay_s,
-            board: None,
             provenance: file.provenance,
+            ..Self::new(file.name, actuator, model)
         };
         if let Some(table) = &file.spring {
             let refused = |cause: String| place.error(table.span(), format!("[spring] {cause}"));
@@ -229,11 +225,12 @@ impl Parameters {
             if schema < 5 {
                 return Err(refused("needs schema = 5".into()));
             }
-            parameters.temperature = Some(table.get_ref().dependence().map_err(refused)?);
+            table.get_ref().check().map_err(|error| refused(short(&error)))?;
+            parameters.temperature = Some(*table.get_ref());
         }
         if let Some(table) = &file.board {
             let board = table.get_ref().board(parameters.bench(1000.0));
-            if let Some(sensing) = table.get_ref().self_sensing() {
+            if let Some(sensing) = &table.get_ref().self_sensing {
                 let at = |cause| place.error(sensing.span(), cause);
                 let SelfSensing { relation, options, .. } = sensing.get_ref();
                 plausibility::check_self_sensing(relation, options).map_err(at)?;

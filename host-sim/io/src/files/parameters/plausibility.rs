@@ -16,12 +16,12 @@ struct Quantity {
     units: &'static [(&'static str, f64)],
 }
 
+/// Units of lengths.
+const LENGTHS: &[(&str, f64)] = &[("millimetres", 1e-3), ("micrometres", 1e-6)];
 /// Sides of films from 0.1 mm to 5 m.
-const SIDE: Quantity =
-    Quantity { symbol: "m", min: 1e-4, max: 5.0, units: &[("millimetres", 1e-3), ("micrometres", 1e-6)] };
+const SIDE: Quantity = Quantity { symbol: "m", min: 1e-4, max: 5.0, units: LENGTHS };
 /// Films from 0.1 µm to 5 mm thick.
-const THICKNESS: Quantity =
-    Quantity { symbol: "m", min: 1e-7, max: 5e-3, units: &[("millimetres", 1e-3), ("micrometres", 1e-6)] };
+const THICKNESS: Quantity = Quantity { symbol: "m", min: 1e-7, max: 5e-3, units: LENGTHS };
 /// Cross-sections of bodies as wide and thick as films may be.
 const AREA: Quantity = Quantity {
     symbol: "m²",
@@ -32,8 +32,7 @@ const AREA: Quantity = Quantity {
 /// Stretches of elastomers.
 const STRETCH: std::ops::RangeInclusive<f64> = 0.05..=15.0;
 /// Readings of displacement sensors at x = 0, of either sign.
-const OFFSET: Quantity =
-    Quantity { symbol: "m", min: -1.0, max: 1.0, units: &[("millimetres", 1e-3), ("micrometres", 1e-6)] };
+const OFFSET: Quantity = Quantity { symbol: "m", min: -1.0, max: 1.0, units: LENGTHS };
 /// Weights up to 20 kg, or none.
 const MASS: Quantity = Quantity { symbol: "kg", min: 0.0, max: 20.0, units: &[("grams", 1e-3)] };
 /// A fit may find any permittivity, as it scales the force.
@@ -56,8 +55,7 @@ const CAPACITANCE: Quantity = Quantity {
     units: &[("picofarads", 1e-12), ("nanofarads", 1e-9), ("microfarads", 1e-6)],
 };
 /// Strokes from 1 µm to 1 m.
-const STROKE: Quantity =
-    Quantity { symbol: "m", min: 1e-6, max: 1.0, units: &[("millimetres", 1e-3), ("micrometres", 1e-6)] };
+const STROKE: Quantity = Quantity { symbol: "m", min: 1e-6, max: 1.0, units: LENGTHS };
 /// Tones that an amplifier of kilovolts makes.
 const TONE: Quantity = Quantity { symbol: "V", min: 0.5, max: 2000.0, units: &[("kilovolts", 1e3)] };
 /// Currents of the tone into the largest capacitance: amplifiers of kilovolts deliver 1 to 40 mA, which the drive of the film needs as well.
@@ -95,11 +93,7 @@ fn short(value: f64) -> f64 {
     format!("{value:.9e}").parse().unwrap_or(value)
 }
 
-/// Refuses values that no actuator can have, whatever its size.
-///
-/// # Errors
-///
-/// The quantity that is at fault, and the fault.
+/// Refuses values that no actuator can have, whatever its size: with the quantity that is at fault, and the fault.
 pub(super) fn check_numbers(actuator: &Actuator) -> Result<(), (&'static str, String)> {
     actuator.check().map_err(|error| {
         let name = match error {

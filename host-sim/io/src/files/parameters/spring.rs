@@ -1,10 +1,9 @@
 //! The `[spring]` table: the elastic force beside the film's memory, or in series with it.
 
-use std::fmt::Write;
-
 use serde::Deserialize;
 use springpot::{Knot, Spring};
 
+use super::curve::knots_to_toml;
 use crate::error::short;
 
 /// The table as it is read: a stiffness, or points.
@@ -58,14 +57,6 @@ pub(super) fn to_toml(spring: &Spring, in_series: bool) -> String {
         true => "in_series = true # with the memory: displacement_m is what the spring alone is stretched by",
         false => "# beside the memory, whose strain measure is [curve]",
     };
-    let mut text = format!("\n[spring]{}{place}\n", if in_series { '\n' } else { ' ' });
-    let mut row = |name: &str, of: fn(&Knot<f64>) -> f64| {
-        let numbers: Vec<f64> = spring.knots().iter().map(of).collect();
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "{name} = {numbers:?}");
-    };
-    row("displacement_m", |knot| knot.displacement);
-    row("force_n", |knot| knot.value);
-    row("slope_n_per_m", |knot| knot.slope);
-    text
+    let rows = knots_to_toml(spring.knots(), "force_n", "slope_n_per_m");
+    format!("\n[spring]{}{place}\n{rows}", if in_series { '\n' } else { ' ' })
 }

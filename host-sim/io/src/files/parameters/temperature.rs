@@ -3,30 +3,11 @@
 use std::borrow::Cow;
 use std::fmt::Write;
 
-use serde::Deserialize;
 use springpot::{ModelError, TemperatureDependence};
 
 use super::Parameters;
 use crate::error::{Error, Result, short};
 use crate::files::recording::Recording;
-
-/// The table as it is read.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct TemperatureTable {
-    reference_c: f64,
-    stiffness_per_k: f64,
-    activation_kj_per_mol: f64,
-}
-
-impl TemperatureTable {
-    /// The dependence, or what is wrong with it.
-    pub(super) fn dependence(&self) -> std::result::Result<TemperatureDependence, String> {
-        let Self { reference_c, stiffness_per_k, activation_kj_per_mol } = *self;
-        let dependence = TemperatureDependence { reference_c, stiffness_per_k, activation_kj_per_mol };
-        dependence.check().map(|()| dependence).map_err(|error| short(&error))
-    }
-}
 
 /// The table of a `dependence` as TOML text.
 pub(super) fn to_toml(dependence: &TemperatureDependence) -> String {
