@@ -147,16 +147,9 @@ pub fn with_names(text: &str, name: impl Fn(&str) -> Option<String>) -> String {
         let is_field =
             |field: &str| !field.is_empty() && field.bytes().all(|b| matches!(b, b'a'..=b'z' | b'0'..=b'9' | b'_'));
         let field = after.split_once('`').filter(|(field, _)| is_field(field));
-        match field.and_then(|(field, after)| Some((name(field)?, after))) {
-            Some((name, after)) => {
-                named.push_str(&name);
-                rest = after;
-            }
-            None => {
-                named.push('`');
-                rest = after;
-            }
-        }
+        let (name, after) = field.and_then(|(field, after)| Some((name(field)?, after))).unwrap_or(("`".into(), after));
+        named.push_str(&name);
+        rest = after;
     }
     named + rest
 }

@@ -65,26 +65,16 @@ impl Quantity {
         if unit.starts_with(',') {
             return Err("write a point for the decimals, no comma".into());
         }
-        let value = value * self.factor(unit)?;
+        let size = self.factor(unit)?;
+        let value = value * size;
         if value == 0.0 || SIZES.contains(&value.abs()) {
             // 2.5 mm is 0.0025 m, not the product's 0.0025000000000000001.
-            Ok(self.decimal(digits, unit).unwrap_or(value))
+            Ok(decimal(digits, size).unwrap_or(value))
         } else if value.is_finite() {
             Err(format!("{value:e} must be 0, or from {:e} to {:e} in size", SIZES.start(), SIZES.end()))
         } else {
             Err("must be finite".into())
         }
-    }
-
-    /// The value through decimal digits where the unit is a power of ten: rounded once, as the plain number would be.
-    fn decimal(&self, digits: &str, unit: &str) -> Option<f64> {
-        let size = self.factor(unit).ok()?;
-        let power = size.log10().round();
-        let is_decimal = format!("1e{power}").parse() == Ok(size);
-        if !is_decimal || digits.contains(['e', 'E']) {
-            return None;
-        }
-        format!("{digits}e{power}").parse().ok()
     }
 
     /// The size of `unit`; a plain number is in SI units.
@@ -126,6 +116,13 @@ impl Quantity {
             None => "a number is needed, such as 2".into(),
         }
     }
+}
+
+/// The value of `digits` in a unit whose `size` is a power of ten: rounded once, as the plain number would be.
+fn decimal(digits: &str, size: f64) -> Option<f64> {
+    let power = size.log10().round();
+    let is_decimal = format!("1e{power}").parse() == Ok(size) && !digits.contains(['e', 'E']);
+    is_decimal.then(|| format!("{digits}e{power}").parse().ok()).flatten()
 }
 
 /// Length of the number that `text` begins with, bytes.

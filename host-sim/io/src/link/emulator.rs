@@ -44,10 +44,8 @@ impl Emulator {
         let mut magic = [0; 4];
         let read = File::open(image).and_then(|mut file| file.read_exact(&mut magic));
         if read.is_err() || magic != *b"\x7fELF" {
-            return Err(Error::file(
-                image,
-                "this is no image: an ELF file is needed, such as cargo xtask image builds",
-            ));
+            let cause = "this is no image: an ELF file is needed, such as cargo xtask image builds";
+            return Err(Error::file(image, cause));
         }
         // QEMU connects to us, so that no port has to be guessed.
         let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(|e| fault(e.to_string()))?;

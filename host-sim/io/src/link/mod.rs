@@ -406,12 +406,11 @@ impl Client {
 
 /// Whether a request may be obeyed twice without anybody noticing.
 fn may_be_repeated(command: &Command) -> bool {
-    let asks = matches!(
-        command,
-        Command::Identify | Command::Status | Command::Query | Command::PanicMessage | Command::Inspect
-    );
-    let keeps_alive = matches!(command, Command::Heartbeat | Command::SetVoltage(_) | Command::SetReference(_));
-    asks || keeps_alive || matches!(command, Command::Disarm | Command::Stream { .. })
+    use Command::{
+        Disarm, Heartbeat, Identify, Inspect, PanicMessage, Query, SetReference, SetVoltage, Status, Stream,
+    };
+    let asks = matches!(command, Identify | Status | Query | PanicMessage | Inspect);
+    asks || matches!(command, Heartbeat | SetVoltage(_) | SetReference(_) | Disarm | Stream { .. })
 }
 
 /// A state in words.

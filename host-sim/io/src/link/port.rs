@@ -114,10 +114,9 @@ impl Port {
         let mut port = SerialPort::open(name, baud).map_err(|e| {
             let known = SerialPort::available_ports().unwrap_or_default();
             let known: Vec<String> = known.iter().map(|path| path.display().to_string()).collect();
-            let known = if known.is_empty() {
-                "this computer has no serial port".into()
-            } else {
-                format!("there are {}", known.join(", "))
+            let known = match known.as_slice() {
+                [] => "this computer has no serial port".into(),
+                known => format!("there are {}", known.join(", ")),
             };
             fault(format!("{e}; a serial port is expected ({known}) or tcp:HOST:PORT"))
         })?;

@@ -117,7 +117,7 @@ pub fn follow(
     let (mut controller, discharge_s) = controller;
     let mut summary = Summary::default();
     let followed = run(&mut session, &mut controller, sensor.as_mut(), follow, seen, &mut summary);
-    summary.slowest_reply_s = session.slowest_reply_s();
+    summary.slowest_reply_s = session.slowest_reply_s;
     // A live film is reported before its cause.
     match (session.end(discharge_s + 1.0), followed) {
         (Err(live), Err(cause)) => Err(Error::Computation(format!("{live}; before that {cause}"))),
@@ -140,7 +140,7 @@ fn run(
     summary: &mut Summary,
 ) -> Result<()> {
     let parameters = controller.parameters().clone();
-    let (late_s, latency_s) = (session.supply().late_s, session.supply().latency_s);
+    let (late_s, latency_s) = (session.supply.late_s, session.supply.latency_s);
     let step_s = 1.0 / f64::from(parameters.rate_hz);
     let lost_s = LOST_INTERVALS * f64::from(parameters.control.sample_interval_s);
     let max_v = f64::from(parameters.limits.max_voltage_v);

@@ -18,7 +18,7 @@ const ATTEMPTS: u32 = 5;
 
 /// A conversation with a supply. When it is dropped, however that came, 0 V and the end of the output are commanded.
 pub struct Session {
-    supply: Supply,
+    pub(super) supply: Supply,
     line: Box<dyn Line>,
     /// Replies that are still to come.
     pending: VecDeque<Pending>,
@@ -32,7 +32,8 @@ pub struct Session {
     unexplained_v: f64,
     /// The same of the last two, where they agree: one alone may be a garbled digit.
     deviation_v: f64,
-    slowest_reply_s: f64,
+    /// The slowest reply so far, s.
+    pub(super) slowest_reply_s: f64,
     is_live: bool,
 }
 
@@ -84,11 +85,6 @@ impl Session {
         }
     }
 
-    /// The supply.
-    pub fn supply(&self) -> &Supply {
-        &self.supply
-    }
-
     /// Seconds on the line's clock.
     pub fn now_s(&self) -> f64 {
         self.line.now_s()
@@ -107,11 +103,6 @@ impl Session {
     /// How wrong the read-back of `volts` may be, V.
     pub fn read_error_v(&self, volts: f64) -> f64 {
         self.supply.read_band_v + READ_SHARE * volts
-    }
-
-    /// The slowest reply so far, s.
-    pub fn slowest_reply_s(&self) -> f64 {
-        self.slowest_reply_s
     }
 
     /// Whether a read-back is on its way.
@@ -144,11 +135,10 @@ impl Session {
         let command = exchange.command.filled(&number);
         let since_s = self.line.now_s();
         self.line.send(format!("{command}{}", self.supply.line_end).as_bytes())?;
+        // An echo has no place for a number.
         let echo = self.supply.echo.then(|| Template::literal(&command));
-        for (reply, is_echo) in
-            echo.map(|echo| (echo, true)).into_iter().chain(exchange.reply.clone().map(|r| (r, false)))
-        {
-            let reads = (reply.has_number() && !is_echo).then_some(1.0 / exchange.per_volt);
+        for reply in echo.into_iter().chain(exchange.reply.clone()) {
+            let reads = reply.has_number().then_some(1.0 / exchange.per_volt);
             let sent = number.parse().unwrap_or(0.0);
             self.pending.push_back(Pending { reply, sent, since_s, reads });
         }
