@@ -12,6 +12,20 @@ pub fn peak(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |peak, value| peak.max(value.abs()))
 }
 
+/// The median of the steps from time to time; none without two times.
+pub(crate) fn usual_step(times: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied()
+}
+
+/// Beginning and end of each run of one value.
+pub(crate) fn runs(values: &[f64]) -> Vec<(usize, usize)> {
+    let mut starts: Vec<usize> = (0..values.len()).filter(|&k| k == 0 || values[k] != values[k - 1]).collect();
+    starts.push(values.len());
+    starts.windows(2).map(|pair| (pair[0], pair[1])).collect()
+}
+
 /// Samples of one quantity at their times.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Samples {
@@ -129,15 +143,13 @@ impl Grid {
     /// `series` on this grid, interpolated linearly to `times` within it.
     pub fn at(&self, series: &[f64], times: &[f64]) -> Vec<f64> {
         let last = series.len() - 1;
-        times
-            .iter()
-            .map(|t| {
-                let place = (t * self.rate_hz).clamp(0.0, last as f64);
-                let before = (place as usize).min(last.saturating_sub(1));
-                let share = place - before as f64;
-                let after = series[(before + 1).min(last)];
-                series[before] + share * (after - series[before])
-            })
-            .collect()
+        let at = |t: &f64| {
+            let place = (t * self.rate_hz).clamp(0.0, last as f64);
+            let before = (place as usize).min(last.saturating_sub(1));
+            let share = place - before as f64;
+            let after = series[(before + 1).min(last)];
+            series[before] + share * (after - series[before])
+        };
+        times.iter().map(at).collect()
     }
 }

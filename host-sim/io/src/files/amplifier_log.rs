@@ -68,32 +68,26 @@ impl AmplifierLog {
         let command_v = command.complete(path, &time_s, "what was commanded must be complete")?.value;
         let shown = monitor.present(&time_s);
         let mut shown = shown.time_s.iter().zip(&shown.value).peekable();
-        let monitor_v =
+        let monitor_v: Vec<f64> =
             time_s.iter().map(|t| shown.next_if(|(at, _)| *at == t).map_or(f64::NAN, |(_, &volts)| volts)).collect();
-        let log = Self { path: path.into(), time_s, command_v, monitor_v, understood };
-        log.check()?;
-        Ok(log)
-    }
-
-    fn check(&self) -> Result<()> {
-        let fault = |cause: String| Err(Error::file(&self.path, cause));
-        let readings = self.monitor_v.iter().filter(|volts| !volts.is_nan());
+        let readings = monitor_v.iter().filter(|volts| !volts.is_nan());
         let count = readings.clone().count();
         if count < MIN_ROWS {
-            return fault(format!("{count} rows with a reading of the monitor; at least {MIN_ROWS} are needed"));
+            return Err(fault(format!("{count} rows with a reading of the monitor; at least {MIN_ROWS} are needed")));
         }
-        let (low, high) = range(&self.command_v);
+        let (low, high) = range(&command_v);
         if low < -BELOW_ZERO * high.abs().max(-low) {
-            return fault(format!("command_v goes down to {low} V; the amplifier's model is from 0 V up"));
+            return Err(fault(format!("command_v goes down to {low} V; the amplifier's model is from 0 V up")));
         }
         if high - low <= 1e-6 * high.abs() {
-            return fault(format!("command_v stays at {high} V; record steps up and down to 0 V"));
+            return Err(fault(format!("command_v stays at {high} V; record steps up and down to 0 V")));
         }
         let (shown_low, shown_high) = range(readings);
         if shown_high == shown_low {
-            return fault(format!("the monitor shows {shown_high} V throughout; check its wiring and the amplifier"));
+            let cause = format!("the monitor shows {shown_high} V throughout; check its wiring and the amplifier");
+            return Err(fault(cause));
         }
-        Ok(())
+        Ok(Self { path: path.into(), time_s, command_v, monitor_v, understood })
     }
 
     /// Where the log came from.

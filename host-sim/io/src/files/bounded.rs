@@ -10,21 +10,13 @@ use crate::error::{Error, Result};
 const HEAD: u64 = 1 << 16;
 
 /// Returns the bytes of the file at `path`, of which `kind` has at most `max`.
-///
-/// # Errors
-///
-/// [`Error::File`] for a file that cannot be read or is larger.
 pub(crate) fn read(path: &Path, max: u64, kind: &str) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     read_on(path, &mut open(path, kind)?, &mut bytes, max, kind)?;
     Ok(bytes)
 }
 
-/// The same as text.
-///
-/// # Errors
-///
-/// As [`read`], and for what is not UTF-8 or has bytes of 0 at its beginning.
+/// The same as text: UTF-8, without bytes of 0 at its beginning.
 pub(crate) fn read_text(path: &Path, max: u64, kind: &str) -> Result<String> {
     let (mut file, mut bytes) = (open(path, kind)?, Vec::new());
     file.by_ref().take(HEAD).read_to_end(&mut bytes).map_err(|error| Error::file(path, error))?;
@@ -40,7 +32,8 @@ pub(crate) fn read_text(path: &Path, max: u64, kind: &str) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| not_text(&error.as_bytes()[..error.utf8_error().valid_up_to()]))
 }
 
-fn open(path: &Path, kind: &str) -> Result<File> {
+/// Opens the file at `path`, which is `kind`.
+pub(crate) fn open(path: &Path, kind: &str) -> Result<File> {
     if path.is_dir() {
         return Err(Error::file(path, format!("is a directory; name {kind} in it")));
     }

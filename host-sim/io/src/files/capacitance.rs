@@ -95,10 +95,8 @@ impl ToneRecording {
         let off = |k: usize| (time_s[k] - first - step_s * k as f64).abs();
         let is_even = step_s > 0.0 && (0..time_s.len()).all(|k| off(k) <= UNEVEN * step_s);
         if !is_even {
-            return Err(Error::file(
-                path,
-                "the rows are not one tick apart; record every tick of the tone, without gaps",
-            ));
+            let cause = "the rows are not one tick apart; record every tick of the tone, without gaps";
+            return Err(Error::file(path, cause));
         }
         // A clock has its digits.
         let step_s = (step_s * 1e9).round() * 1e-9;
@@ -125,11 +123,8 @@ impl CapacitanceFile {
     pub fn read(path: &Path) -> Result<Self> {
         let text = bounded::read_text(path, MAX_FILE, "a relation of capacitance and displacement")?;
         let file: Self = toml::from_str(&text).map_err(|error| {
-            let cause = error.message().to_owned();
-            Error::file(
-                path,
-                format!("is no relation of capacitance and displacement: {cause}; the command self-sensing writes one"),
-            )
+            let (kind, cause) = ("relation of capacitance and displacement", error.message());
+            Error::file(path, format!("is no {kind}: {cause}; the command self-sensing writes one"))
         })?;
         check_self_sensing(&file.relation, &file.options).map_err(|cause| Error::file(path, cause))?;
         Ok(file)

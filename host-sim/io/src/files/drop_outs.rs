@@ -59,7 +59,7 @@ impl std::fmt::Display for DropOuts {
 impl Recording {
     /// The drop-outs of the displacement that the file has as a number, if there are any.
     pub fn drop_outs(&self) -> Option<DropOuts> {
-        let reading = self.columns().into_iter().find(|(name, _)| *name == "displacement_m")?.1;
+        let reading = self.values(Quantity::Displacement)?;
         let drive = self.drive().ok()?;
         let load = load(&drive.samples().value);
         let present: Vec<usize> = (0..reading.len()).filter(|&k| !reading[k].is_nan()).collect();
@@ -118,9 +118,8 @@ impl Recording {
 
     /// The option that empties the `rows` of a `quantity` in which it is `value`: by that number, or by the times where other rows of all `values` have it as well.
     fn blank(&self, quantity: Quantity, values: &[f64], value: f64, rows: &[usize]) -> String {
-        let name = quantity.name();
         if values.iter().filter(|other| **other == value).count() == rows.len() {
-            return format!("import `blank` {name}={}", self.as_written(quantity, value));
+            return format!("import `blank` {quantity}={}", self.as_written(quantity, value));
         }
         self.blank_times(quantity, rows)
     }
@@ -135,7 +134,7 @@ impl Recording {
             // Digits that keep the ends between the rows, hours from the first one as well.
             let digits = (1.5 - quarter_s(from).min(quarter_s(to)).max(1e-9).log10()).max(0.0) as usize;
             let [begin, end] = [t(from) - quarter_s(from), t(to) + quarter_s(to)];
-            format!("`blank` {}:{begin:.digits$}..{end:.digits$}", quantity.name())
+            format!("`blank` {quantity}:{begin:.digits$}..{end:.digits$}")
         });
         let pieces: Vec<String> = pieces.collect();
         let more = if pieces.len() > MAX_PIECES { " and so on" } else { "" };
@@ -159,7 +158,7 @@ impl Recording {
         let [usual] = quantiles(changes.collect(), [0.5])?;
         let [low, high] = quantiles(drive.value.clone(), [0.05, 0.95])?;
         let far = |share: f64| (share * (high - low).max(low.abs()).max(high.abs())).max(OF_CHANGES * usual);
-        let runs = runs(&drive.value);
+        let runs = grid::runs(&drive.value);
         let value = |run: &(usize, usize)| drive.value[run.0];
         // In several rows, for longer than a film takes to answer, it may be a voltage.
         let is_apart = |run: &(usize, usize), far: f64| {
@@ -177,10 +176,9 @@ impl Recording {
             return None;
         }
         let largest = runs.iter().filter(|run| !is_code(run)).map(|run| value(run).abs()).fold(0.0, f64::max);
-        let columns = self.columns();
-        let reading = columns.iter().find(|(name, _)| *name == "displacement_m").map(|(_, reading)| reading)?;
+        let reading = self.values(Quantity::Displacement)?;
         let [low, high] = quantiles(reading.iter().copied().filter(|value| !value.is_nan()).collect(), [0.05, 0.95])?;
-        let is_answered = |run: &(usize, usize), far: f64| answers(reading, *run, far);
+        let is_answered = |run: &(usize, usize), far: f64| answers(&reading, *run, far);
         let are_code = |same: &&[(usize, usize)]| {
             let is_beyond = value(&same[0]).abs() > BEYOND * largest;
             let far = if is_beyond { high - low } else { ANSWER * (high - low) };
@@ -242,13 +240,6 @@ fn load(drive: &[f64]) -> Vec<f64> {
     drive.iter().map(|value| (value / largest.max(f64::MIN_POSITIVE)).powi(2)).collect()
 }
 
-/// Beginning and end of each run of one value.
-fn runs(values: &[f64]) -> Vec<(usize, usize)> {
-    let mut starts: Vec<usize> = (0..values.len()).filter(|&k| k == 0 || values[k] != values[k - 1]).collect();
-    starts.push(values.len());
-    starts.windows(2).map(|pair| (pair[0], pair[1])).collect()
-}
-
 /// Readings in runs of one value.
 struct Runs {
     values: Vec<f64>,
@@ -258,7 +249,7 @@ struct Runs {
 
 impl Runs {
     fn new(values: Vec<f64>) -> Self {
-        let mut ends = runs(&values);
+        let mut ends = grid::runs(&values);
         // Not −0, which is 0.
         ends.sort_by(|a, b| (values[a.0] + 0.0).total_cmp(&(values[b.0] + 0.0)));
         Self { values, ends }
@@ -289,9 +280,9 @@ impl Runs {
             let count = self.with_value(outer?).len();
             pair(outer?, next(count)?)
         };
-        [of(at(0), &|count| at(count)), of(at(last.wrapping_sub(1)), &|count| at(last.checked_sub(count + 1)?))]
-            .into_iter()
-            .flatten()
+        let smallest = of(at(0), &|count| at(count));
+        let largest = of(at(last.wrapping_sub(1)), &|count| at(last.checked_sub(count + 1)?));
+        [smallest, largest].into_iter().flatten()
     }
 
     /// The stroke, the usual change from row to row, and the finest one; none where nothing moves.

@@ -1,7 +1,7 @@
 //! Columns that were logged more slowly than the rows: each value is repeated until the next.
 
 use super::table::Column;
-use crate::grid::Samples;
+use crate::grid::{Samples, runs};
 
 /// Smallest median of the rows of one value, and of its changes beside the finest one: coarse values repeat as well.
 const MIN_ROWS: usize = 2;
@@ -28,15 +28,13 @@ impl Held {
     pub(super) fn new(column: &Column) -> Option<Self> {
         let present = || column.cells().iter().enumerate().filter_map(|(row, cell)| Some((row, (*cell)?)));
         let values: Vec<f64> = present().map(|(_, value)| value).collect();
-        let starts = (0..values.len()).filter(|&k| k == 0 || values[k] != values[k - 1]);
-        let starts: Vec<usize> = starts.chain([values.len()]).collect();
+        let runs = runs(&values);
         // Where half of the values are repeated, there are this many at the most.
-        if starts.len() <= MIN_VALUES || 3 * starts.len() > 2 * values.len() {
+        if runs.len() < MIN_VALUES || 3 * (runs.len() + 1) > 2 * values.len() {
             return None;
         }
-        let mut lengths: Vec<usize> = starts.windows(2).map(|run| run[1] - run[0]).collect();
-        let mut changes: Vec<f64> =
-            starts[1..starts.len() - 1].iter().map(|&k| (values[k] - values[k - 1]).abs()).collect();
+        let mut lengths: Vec<usize> = runs.iter().map(|(from, to)| to - from).collect();
+        let mut changes: Vec<f64> = runs[1..].iter().map(|&(k, _)| (values[k] - values[k - 1]).abs()).collect();
         lengths.sort_unstable();
         changes.sort_by(f64::total_cmp);
         let every = lengths[lengths.len() / 2];
@@ -44,8 +42,7 @@ impl Held {
         let is_held = every >= MIN_ROWS
             && regular as f64 >= REGULAR * lengths.len() as f64
             && *changes.get(changes.len() / 2)? > MIN_CHANGES * changes[0];
-        let rows = starts.windows(2).flat_map(|run| {
-            let (first, end) = (run[0], run[1]);
+        let rows = runs.into_iter().flat_map(|(first, end)| {
             (first..end).step_by(every).filter(move |&row| row == first || 2 * (end - row) > every)
         });
         let row_of: Vec<usize> = present().map(|(row, _)| row).collect();

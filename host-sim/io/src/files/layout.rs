@@ -1,10 +1,10 @@
 //! Kinds of files with columns: their columns, by the names that this tool writes or as laboratories have them.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::files::bounded;
 use crate::files::import::{self, Hints, Names, Quantity, Request, Series, Understood};
 use crate::files::table::Table;
 
@@ -28,12 +28,9 @@ impl<const N: usize> Layout<N> {
     ///
     /// # Errors
     ///
-    /// [`Error`] naming the file and line of the first thing that cannot be used.
+    /// [`Error`](crate::Error) naming the file and line of the first thing that cannot be used.
     pub fn read(&self, path: &Path, hints: &Hints) -> Result<(Table<N>, Understood)> {
-        if path.is_dir() {
-            return Err(Error::file(path, format!("is a directory; name {} in it", self.what)));
-        }
-        let file = File::open(path).map_err(|error| Error::file(path, error))?;
+        let file = bounded::open(path, self.what)?;
         let series = self.ask(|request| import::read(path, file, request, hints))?;
         Ok((self.table(&series), series.understood))
     }

@@ -9,7 +9,6 @@ use crate::files::layout::Layout;
 use crate::files::parameters::plausibility::implausible_stretch;
 use crate::terminal::rounded;
 
-const STRETCH: &Names = &[("stretch", "")];
 const STRESS: &Names = &[("nominal_stress_pa", "Pa"), ("nominal_stress_kpa", "kPa"), ("nominal_stress_mpa", "MPa")];
 /// As testing machines name them.
 const DISPLACEMENT: &Names = &[
@@ -31,7 +30,7 @@ const FORCE: &Names = &[
 const TEST: Layout<4> = Layout {
     what: "a CSV table of a material test",
     columns: [
-        (Quantity::Stretch, STRETCH),
+        (Quantity::Stretch, &[("stretch", "")]),
         (Quantity::Stress, STRESS),
         (Quantity::Displacement, DISPLACEMENT),
         (Quantity::Force, FORCE),
@@ -94,6 +93,11 @@ enum Load {
     Force(Vec<f64>),
 }
 
+/// Number of the column of stretches, from one; 0 without one.
+fn column_number(understood: &Understood) -> usize {
+    understood.column(Quantity::Stretch).map_or(0, |column| column.column)
+}
+
 impl MaterialTest {
     /// Reads the test at `path`, of which a person says `hints`: stretch or displacement, and nominal stress or force.
     ///
@@ -116,22 +120,23 @@ impl MaterialTest {
         };
         let deformation = match one_of(0, 2, "stretch or displacement")? {
             (true, stretch) => {
-                if let Some(k) = stretch.iter().position(|&stretch| stretch <= 0.0) {
+                let refused = |k: usize, advice: &str| {
                     let (value, at) = (stretch[k], table.time_s[k]);
-                    let cause = format!("stretch is {value} at {at} s; it is length over original length");
-                    return Err(Error::file(path, cause));
+                    let cause = format!("stretch is {value} at {at} s; it is length over original length{advice}");
+                    Err(Error::file(path, cause))
+                };
+                if let Some(k) = stretch.iter().position(|&stretch| stretch <= 0.0) {
+                    return refused(k, "");
                 }
                 let implausible = |(k, stretch): (usize, &f64)| Some((k, implausible_stretch(*stretch)?));
-                if let Some((k, in_percent)) = stretch.iter().enumerate().find_map(implausible) {
-                    let advice = if in_percent {
-                        let column = understood.number(Quantity::Stretch);
-                        format!("in percent? Then name the column with its factor: `columns` stretch={column}*0.01")
-                    } else {
-                        "check its unit".into()
-                    };
-                    let (value, at) = (stretch[k], table.time_s[k]);
-                    let cause = format!("stretch is {value} at {at} s; it is length over original length: {advice}");
-                    return Err(Error::file(path, cause));
+                match stretch.iter().enumerate().find_map(implausible) {
+                    Some((k, true)) => {
+                        let column = column_number(&understood);
+                        let advice = "in percent? Then name the column with its factor: `columns`";
+                        return refused(k, &format!(": {advice} stretch={column}*0.01"));
+                    }
+                    Some((k, false)) => return refused(k, ": check its unit"),
+                    None => {}
                 }
                 Deformation::Stretch(stretch)
             }
@@ -152,7 +157,7 @@ impl MaterialTest {
         Some(format!(
             "the first stretch is {first}, where a body at rest has 1, from which the displacements count: of a prestretched film divide \
              the stretches by that at rest, as in `columns` stretch={}*{}",
-            self.understood.number(Quantity::Stretch),
+            column_number(&self.understood),
             rounded(1.0 / first)
         ))
     }

@@ -2,7 +2,7 @@
 
 use super::import::{By, Quantity};
 use super::recording::Recording;
-use crate::grid::{peak, range};
+use crate::grid::{peak, range, usual_step};
 use crate::terminal::rounded;
 
 /// Voltages (V) below and above which a column is not the voltage on a film.
@@ -32,16 +32,28 @@ const MIN_DURATION_S: f64 = 2.0;
 /// Rows of the shortest recording that is judged so.
 const MIN_ROWS: usize = 50;
 
+/// Units, and the next smaller one of each.
+const SMALLER: [(&str, &str); 9] = [
+    ("kV", "V"),
+    ("m", "mm"),
+    ("mm", "µm"),
+    ("µm", "nm"),
+    ("kN", "N"),
+    ("N", "mN"),
+    ("min", "s"),
+    ("s", "ms"),
+    ("ms", "µs"),
+];
+
 /// Most columns that a remark lists.
 const MAX_SHOWN: usize = 8;
 
 impl Recording {
     /// Lists implausible values, one line each, with the unit that was likely meant.
     pub fn implausible(&self) -> Vec<String> {
-        let columns = self.columns();
-        let values = |wanted: &str| {
-            let values = columns.iter().find(|(name, _)| *name == wanted).map_or(&[][..], |(_, values)| values);
-            let mut values: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
+        let values = |quantity: Quantity| {
+            let mut values = self.values(quantity).unwrap_or_default();
+            values.retain(|value| !value.is_nan());
             values.sort_by(f64::total_cmp);
             values
         };
@@ -50,7 +62,7 @@ impl Recording {
         // Codes have a line of their own.
         let mut found: Vec<String> = self.coded_drive().into_iter().collect();
         let is_coded = !found.is_empty();
-        let voltage = if is_coded { 0.0 } else { largest(&values("voltage_v")) };
+        let voltage = if is_coded { 0.0 } else { largest(&values(Quantity::Voltage)) };
         if voltage.abs() > *VOLTAGE_V.end() {
             let unit = self.smaller(Quantity::Voltage);
             found.push(format!("the largest voltage is {} V{}", rounded(voltage), unit));
@@ -61,14 +73,13 @@ impl Recording {
                 rounded(voltage)
             ));
         }
-        let volts = columns.iter().find(|(name, _)| *name == "voltage_v").map_or(&[][..], |(_, values)| values);
-        if let Some(mains_v) = mains(volts) {
+        if let Some(mains_v) = self.values(Quantity::Voltage).and_then(mains) {
             found.push(format!(
                 "the voltage is that of the mains, {} V, throughout: the supply of an instrument? Name the column of the film's voltage",
                 rounded(mains_v)
             ));
         }
-        let displacement = values("displacement_m");
+        let displacement = values(Quantity::Displacement);
         // Without the outermost hundredths, which drop-outs may be.
         let at = |share: f64| displacement.get(((displacement.len().max(1) - 1) as f64 * share).round() as usize);
         if let (Some(low), Some(high)) = (at(0.01), at(0.99)) {
@@ -95,7 +106,7 @@ impl Recording {
                 ));
             }
         }
-        let force = largest(&values("force_n"));
+        let force = largest(&values(Quantity::Force));
         if force.abs() > FORCE_N && !is_coded {
             found.push(format!("the largest force is {} N{}", rounded(force), self.smaller(Quantity::Force)));
         }
@@ -105,13 +116,12 @@ impl Recording {
 
     /// The remark on a recording without a response while columns were ignored, or with a displacement that never changes.
     pub fn doubtful_response(&self) -> Option<String> {
-        let columns = self.columns();
-        let values = |wanted: &str| columns.iter().find(|(name, _)| *name == wanted).map(|(_, values)| values);
-        let is_driven_by_voltage = values("voltage_v").is_some();
-        if is_driven_by_voltage && values("voltage_v").is_some_and(|volts| volts.iter().all(|volts| *volts == 0.0)) {
+        let volts = self.values(Quantity::Voltage);
+        let is_driven_by_voltage = volts.is_some();
+        if volts.is_some_and(|volts| volts.iter().all(|volts| *volts == 0.0)) {
             return Some("the voltage is 0 in all rows: an empty column, or formulas without their results?".into());
         }
-        let Some(displacement) = values("displacement_m") else {
+        let Some(displacement) = self.values(Quantity::Displacement) else {
             if let Some(column) = self.origin(Quantity::Displacement) {
                 let (number, name) = (column.column, &column.name);
                 return Some(format!(
@@ -119,8 +129,8 @@ impl Recording {
                      save it in the program that computes them"
                 ));
             }
-            let ignored = self.ignored();
-            let has_response = is_driven_by_voltage && values("force_n").is_some();
+            let ignored = &self.understood.ignored;
+            let has_response = is_driven_by_voltage && self.force().is_some();
             return (!has_response && !ignored.is_empty()).then(|| {
                 let names: Vec<String> = ignored.iter().take(MAX_SHOWN).map(|name| format!("{name:?}")).collect();
                 let names = names.join(", ");
@@ -144,9 +154,7 @@ impl Recording {
     fn implausible_times(&self) -> Option<String> {
         let time_s = self.time_s();
         let drive = self.drive().ok()?;
-        let mut steps: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        steps.sort_by(f64::total_cmp);
-        let step = *steps.get(steps.len() / 2)?;
+        let step = usual_step(time_s)?;
         if time_s.len() < MIN_ROWS || is_constant(&drive.samples().value) {
             return None;
         }
@@ -182,35 +190,23 @@ impl Recording {
     /// The next smaller unit of a column, as a question.
     fn smaller(&self, quantity: Quantity) -> String {
         let Some(column) = self.origin(quantity) else { return ": another unit?".into() };
-        let smaller = match column.unit.as_str() {
-            "kV" => "V",
-            "m" => "mm",
-            "mm" => "µm",
-            "µm" => "nm",
-            "N" => "mN",
-            "kN" => "N",
-            "min" => "s",
-            "s" => "ms",
-            "ms" => "µs",
-            _ => return ": another unit?".into(),
-        };
-        self.other(quantity, smaller)
+        match SMALLER.iter().find(|(unit, _)| *unit == column.unit) {
+            Some((_, smaller)) => self.other(quantity, smaller),
+            None => ": another unit?".into(),
+        }
     }
 
     /// Another `unit` of a column, as a question.
     fn other(&self, quantity: Quantity, unit: &str) -> String {
         let Some(column) = self.origin(quantity) else { return ": another unit?".into() };
-        let (stated, number, name) = (&column.unit, column.column, quantity.name());
-        format!(": {unit} in a column of {stated}? State the unit, as in `columns` {name}={number}:{unit}")
+        let (stated, number) = (&column.unit, column.column);
+        format!(": {unit} in a column of {stated}? State the unit, as in `columns` {quantity}={number}:{unit}")
     }
 
     /// The next larger unit of the displacement, if its unit is by the name of its column, not by a person.
     fn coarser(&self) -> Option<&'static str> {
         let column = self.origin(Quantity::Displacement).filter(|column| column.by != By::Choice)?;
-        [("nm", "µm"), ("µm", "mm"), ("mm", "m")]
-            .into_iter()
-            .find(|(unit, _)| column.unit == *unit)
-            .map(|(_, coarser)| coarser)
+        SMALLER.iter().find(|(_, smaller)| *smaller == column.unit).map(|(unit, _)| *unit)
     }
 }
 
@@ -230,8 +226,8 @@ fn is_round(rate_hz: f64) -> bool {
 }
 
 /// The RMS of `volts` if they are of the mains: one value that stays, or an alternating voltage.
-fn mains(volts: &[f64]) -> Option<f64> {
-    let volts: Vec<f64> = volts.iter().copied().filter(|value| !value.is_nan()).collect();
+fn mains(mut volts: Vec<f64>) -> Option<f64> {
+    volts.retain(|value| !value.is_nan());
     if volts.len() < MIN_ROWS {
         return None;
     }

@@ -31,7 +31,7 @@ pub struct Recording {
     /// Rows whose reading was left out since it repeats the one before.
     repeated: usize,
     /// Interpretation of its file.
-    understood: Understood,
+    pub(super) understood: Understood,
 }
 
 /// The input of a model with its values: [`Samples`] as recorded, or another form of them such as a series on a grid.
@@ -57,9 +57,6 @@ choice! {
 
 /// Column names with their units.
 const VOLTAGE: &Names = &[("voltage_v", "V"), ("voltage_kv", "kV")];
-const FORCE: &Names = &[("force_n", "N")];
-const WEIGHT: &Names = &[("weight", "")];
-const TEMPERATURE: &Names = &[("temperature_c", "")];
 const DISPLACEMENT: &Names = &[("displacement_m", "m"), ("displacement_mm", "mm"), ("displacement_um", "µm")];
 
 /// Columns of a recording: a voltage or a force.
@@ -67,10 +64,10 @@ const RECORDING: Layout<5> = Layout {
     what: "a CSV recording",
     columns: [
         (Quantity::Voltage, VOLTAGE),
-        (Quantity::Force, FORCE),
+        (Quantity::Force, &[("force_n", "N")]),
         (Quantity::Displacement, DISPLACEMENT),
-        (Quantity::Weight, WEIGHT),
-        (Quantity::Temperature, TEMPERATURE),
+        (Quantity::Weight, &[("weight", "")]),
+        (Quantity::Temperature, &[("temperature_c", "")]),
     ],
     needed: &[&[Quantity::Voltage, Quantity::Force]],
 };
@@ -159,7 +156,7 @@ impl Recording {
             let Some(slot) = RECORDING.columns.iter().position(|(known, _)| *known == quantity) else {
                 return Err(fault(match quantity {
                     Quantity::Time => "two columns of times".into(),
-                    other => format!("a {} is in no recording", other.name()),
+                    other => format!("a {other} is in no recording"),
                 }));
             };
             let name = own_name(quantity);
@@ -281,12 +278,7 @@ impl Recording {
 
     /// The column of `quantity` as it was understood.
     pub(super) fn origin(&self, quantity: Quantity) -> Option<&UnderstoodColumn> {
-        self.understood.columns.iter().find(|column| column.quantity == quantity)
-    }
-
-    /// Names of the columns of its file that are not used.
-    pub(super) fn ignored(&self) -> &[String] {
-        &self.understood.ignored
+        self.understood.column(quantity)
     }
 
     /// Remarks on what was left out, counted or changed as the file was read.
@@ -309,8 +301,12 @@ impl Recording {
 
     /// All columns by their names, NaN in empty cells, as they are written.
     pub fn columns(&self) -> Vec<(&'static str, Vec<f64>)> {
-        let values = |column: &Column| column.cells().iter().map(|cell| cell.unwrap_or(f64::NAN)).collect();
-        self.columns.iter().map(|(quantity, column)| (own_name(*quantity), values(column))).collect()
+        self.columns.iter().map(|(quantity, column)| (own_name(*quantity), column.values())).collect()
+    }
+
+    /// The column of `quantity`, NaN in empty cells.
+    pub(super) fn values(&self, quantity: Quantity) -> Option<Vec<f64>> {
+        self.column(quantity).map(Column::values)
     }
 
     /// Where the recording came from.
@@ -406,13 +402,9 @@ impl Recording {
     }
 
     fn complete(&self, column: &Column) -> Result<Samples> {
-        let advice = match column
-            .covered_s(&self.time_s)
-            .map(|covered| covered.map(|time_s| ((time_s - self.time_s[0]) * 1e6).round() / 1e6))
-        {
-            Some([from_s, to_s]) if from_s < to_s => {
-                format!("import the part that is, with `from` {from_s} and `to` {to_s}")
-            }
+        let from_start_s = |time_s: f64| ((time_s - self.time_s[0]) * 1e6).round() / 1e6;
+        let advice = match column.covered_s(&self.time_s).map(|covered| covered.map(from_start_s)) {
+            Some([from, to]) if from < to => format!("import the part that is, with `from` {from} and `to` {to}"),
             _ => "if it was logged more slowly than the sensor, use `fill` hold or `fill` linear".into(),
         };
         let why = format!("what drives the film must be complete; {advice}");

@@ -52,6 +52,11 @@ impl Column {
         &self.cells
     }
 
+    /// The same, NaN where nothing was measured.
+    pub(super) fn values(&self) -> Vec<f64> {
+        self.cells.iter().map(|cell| cell.unwrap_or(f64::NAN)).collect()
+    }
+
     /// The same column with other cells, of which the first empty one is on a line only if it is the same.
     pub(super) fn with_cells(&self, cells: Vec<Option<f64>>) -> Self {
         let gap = |cells: &[Option<f64>]| cells.iter().position(Option::is_none);

@@ -31,7 +31,7 @@ pub fn stated(rows: &[(u64, &[String])], decimal: Option<Decimal>) -> Vec<Beginn
         let number = |cell: &String| numbers::number(cell.trim(), decimal).map(|number| number * unit_s);
         // Numbers beside this name may be anything.
         let number = |cell: &String| number(cell).filter(|_| name != "time");
-        let time = |cell: &String| clock::stamp(cell).map(|stamp| stamp.of_day_s()).or_else(|| number(cell));
+        let time = |cell: &String| clock::stamp(cell).map(|stamp| stamp.of_day_s).or_else(|| number(cell));
         let cells_s = std::iter::once(None).chain(cells[1..].iter().map(time)).collect();
         is_one_of(NAMES, &name).then_some(Beginnings { line: *line, name: cells[0].trim().into(), cells_s })
     };
@@ -39,10 +39,6 @@ pub fn stated(rows: &[(u64, &[String])], decimal: Option<Decimal>) -> Vec<Beginn
 }
 
 /// Refuses `chosen` columns that by these `beginnings` begin at different times, with rows at `clock_s`.
-///
-/// # Errors
-///
-/// The line and what to do.
 pub fn refuse(beginnings: &[Beginnings], chosen: &[Chosen], columns: usize, clock_s: &[f64]) -> Result<(), Fault> {
     let [first, .., last] = clock_s else { return Ok(()) };
     let interval_s = (last - first) / (clock_s.len() - 1) as f64;
@@ -53,14 +49,12 @@ pub fn refuse(beginnings: &[Beginnings], chosen: &[Chosen], columns: usize, cloc
         let mut read = cells_s.iter().enumerate().filter(|(index, _)| is_read(*index)).filter_map(|(_, time)| *time);
         let Some(one) = read.next() else { continue };
         if let Some(other) = read.find(|other| (other - one).abs() > MAX_DIFFERENCE * interval_s) {
-            return Err((
-                *line,
-                format!(
-                    "{name:?} has {one} s for one channel and {other} s for another: the rows have values of different times; export all \
-                     channels with one time base, or shift one of them by {} s in a copy and remove this line",
-                    crate::terminal::rounded((other - one).abs())
-                ),
-            ));
+            let cause = format!(
+                "{name:?} has {one} s for one channel and {other} s for another: the rows have values of different times; export all \
+                 channels with one time base, or shift one of them by {} s in a copy and remove this line",
+                crate::terminal::rounded((other - one).abs())
+            );
+            return Err((*line, cause));
         }
     }
     Ok(())

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use super::Quantity;
-use super::clock;
+use super::clock::{self, DAY_S};
 use super::names::{UnitSense, unit_cell};
 use super::numbers::{self, Decimal};
 use super::preamble::{hertz, is_one_of, time_unit};
@@ -239,12 +239,11 @@ fn stamp(cells: &[String]) -> Option<f64> {
     let behind = cells[0].split_once([':', '=']).map_or("", |(_, behind)| behind);
     let value = [behind].into_iter().chain(cells[1..].iter().map(String::as_str)).collect::<Vec<_>>().join(" ");
     let last = value.split_whitespace().next_back().and_then(clock::stamp);
-    Some(clock::stamp(&value).or(last)?.of_day_s())
+    Some(clock::stamp(&value).or(last)?.of_day_s)
 }
 
 /// The times from the start to the end that `rows`, their names and cells, state, s, and the place of the end.
 pub fn from_start_to_end(rows: &[(String, &[String])], decimal: Option<Decimal>) -> Option<(usize, Vec<f64>)> {
-    const DAY_S: f64 = 86400.0;
     let place = |names: &str| rows.iter().position(|(name, _)| is_one_of(names, name));
     let (start, end) = (place(STARTS)?, place(ENDS)?);
     let cells = [rows[start].1, rows[end].1];

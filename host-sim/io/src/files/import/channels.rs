@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use super::clock;
 use super::lines::Fault;
 use super::names::Title;
+use super::numbers::Cell;
 use super::reading::Reading;
-use super::source::{Source, Value};
 use super::words::is_of;
 
 /// Words of titles of columns that number the channels of their rows, and of those that may do so within the rows of one time.
@@ -44,10 +44,10 @@ impl Texts {
         Self { may_number, is_channel: is_channel && may_number, ..Self::default() }
     }
 
-    fn take(&mut self, line: u64, value: Value<'_>, begins: bool, repeated: usize) {
+    fn take(&mut self, line: u64, value: Cell<'_>, begins: bool, repeated: usize) {
         let text = match value {
-            Value::Text(text) if clock::stamp(text).is_none() => Some(text.to_owned()),
-            Value::Number(number) if self.may_number => {
+            Cell::Text(text) if clock::stamp(text).is_none() => Some(text.to_owned()),
+            Cell::Number(number) if self.may_number => {
                 self.has_fractions |= number.fract() != 0.0;
                 Some(number.to_string())
             }
@@ -82,16 +82,12 @@ impl Texts {
 
 /// Refuses a column that is not read and names the channel of its row: by its title, or, where rows of one time `may_repeat` it, by its texts
 /// that change within the rows of each time.
-///
-/// # Errors
-///
-/// The column, two of its texts and what to do.
 pub fn refuse(reading: Reading<'_>, may_repeat: bool) -> Result<(), Fault> {
     let Reading { source, titles, .. } = reading;
     let time = reading.time().filter(|_| may_repeat).map(|time| time.index);
     let columns = reading.others().into_iter().map(|index| (index, Texts::new(&titles[index])));
     let mut columns: Vec<(usize, Texts)> = columns.filter(|(_, texts)| time.is_some() || texts.is_channel).collect();
-    if matches!(source, Source::Series(_)) || columns.is_empty() {
+    if columns.is_empty() {
         return Ok(());
     }
     let indices: Vec<usize> = columns.iter().map(|(index, _)| *index).chain(time).collect();
@@ -110,12 +106,7 @@ pub fn refuse(reading: Reading<'_>, may_repeat: bool) -> Result<(), Fault> {
     let named = columns.iter().find_map(|(index, texts)| Some((*index, texts, texts.names_channels(repeated)?)));
     let Some((index, texts, within)) = named else { return Ok(()) };
     let shown: Vec<String> = texts.different.iter().take(2).map(|text| format!("{text:?}")).collect();
-    Err((
-        texts.line,
-        format!(
-            "{:?} changes{within} ({}): it names the channel of its row; write each channel as a column of its own",
-            titles[index].name,
-            shown.join(", ")
-        ),
-    ))
+    let (name, shown) = (&titles[index].name, shown.join(", "));
+    let cause = "it names the channel of its row; write each channel as a column of its own";
+    Err((texts.line, format!("{name:?} changes{within} ({shown}): {cause}")))
 }

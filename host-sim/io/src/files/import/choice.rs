@@ -57,7 +57,7 @@ impl std::str::FromStr for Choices {
         for item in parts(text, ',')? {
             let choice = choice(item.trim())?;
             if choices.iter().any(|other| other.quantity == choice.quantity) {
-                return Err(format!("{} is given twice", choice.quantity.name()));
+                return Err(format!("{} is given twice", choice.quantity));
             }
             choices.push(choice);
         }
@@ -72,17 +72,14 @@ fn choice(item: &str) -> Result<Choice, String> {
         let names: Vec<&str> = Quantity::CHOICES.iter().map(|(_, name, _)| *name).collect();
         format!("{:?} is not one of {}", key.trim(), names.join(", "))
     })?;
-    let (column, factor) = match last_part(column, '*')? {
-        (column, Some(factor)) => {
-            let value = factor.trim().parse::<f64>().ok().filter(|value| value.is_finite() && *value != 0.0);
-            (column, Some(value.ok_or_else(|| format!("{factor:?} is not a factor, {example}"))?))
-        }
-        (column, None) => (column, None),
+    let (column, factor) = last_part(column, '*')?;
+    let number = |factor: &str| {
+        let value = factor.trim().parse::<f64>().ok().filter(|value| value.is_finite() && *value != 0.0);
+        value.ok_or_else(|| format!("{factor:?} is not a factor, {example}"))
     };
-    let (column, unit) = match last_part(column, ':')? {
-        (column, Some(unit)) => (column, Some(unit_of(quantity, unit.trim())?)),
-        (column, None) => (column, None),
-    };
+    let factor = factor.map(number).transpose()?;
+    let (column, unit) = last_part(column, ':')?;
+    let unit = unit.map(|unit| unit_of(quantity, unit.trim())).transpose()?;
     let column = column.trim();
     let column = match (column.strip_prefix('"').and_then(|c| c.strip_suffix('"')), column.parse::<usize>()) {
         (Some(name), _) => Some(Column::Name(name.into())),
@@ -96,10 +93,8 @@ fn choice(item: &str) -> Result<Choice, String> {
 }
 
 fn unit_of(quantity: Quantity, text: &str) -> Result<Unit, String> {
-    match units::read(text, false) {
-        units::Read::Unit(unit) if unit.quantity == quantity.measure() => Ok(unit),
-        _ => Err(format!("{text:?} is not a unit of {}: {}", quantity.name(), units::usual(quantity))),
-    }
+    let unit = units::read(text, false).filter(|unit| unit.quantity == quantity.measure());
+    unit.ok_or_else(|| format!("{text:?} is not a unit of {quantity}: {}", units::usual(quantity)))
 }
 
 /// `text` in parts at every `separator` outside of quotes.

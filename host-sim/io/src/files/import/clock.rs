@@ -1,22 +1,20 @@
 //! Times of day and dates in the cells of a column of times.
 
+use super::numbers::all_digits;
+
 /// Seconds of a day.
-const DAY_S: f64 = 86400.0;
+pub const DAY_S: f64 = 86400.0;
 
 /// A time of day, with its date if the cell has one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stamp {
     /// Since midnight, s.
-    of_day_s: f64,
+    pub of_day_s: f64,
     date: Option<Date>,
 }
 
-/// A date as it may be read.
-#[derive(Clone, Debug, PartialEq)]
-struct Date {
-    /// Days since a day that is the same for all, by the order of the parts: day first, month first, and year first.
-    days: [Option<i64>; 3],
-}
+/// A date as it may be read: days since a day that is the same for all, by the order of the parts: day first, month first, and year first.
+type Date = [Option<i64>; 3];
 
 impl Stamp {
     /// Whether it is a whole second.
@@ -24,14 +22,9 @@ impl Stamp {
         self.of_day_s.fract() == 0.0
     }
 
-    /// Seconds since midnight.
-    pub fn of_day_s(&self) -> f64 {
-        self.of_day_s
-    }
-
     /// The number of its day by each order of the parts of its date, if it has one.
     pub fn days(&self) -> Option<[Option<f64>; 3]> {
-        Some(self.date.as_ref()?.days.map(|days| Some(days? as f64)))
+        Some(self.date?.map(|days| Some(days? as f64)))
     }
 }
 
@@ -41,7 +34,7 @@ pub fn stamp(text: &str) -> Option<Stamp> {
     let text = text.trim();
     if let Some((days, seconds)) = text.strip_prefix('@').and_then(|cell| cell.split_once(' ')) {
         // A cell of a spreadsheet that is a date, or a time of day alone: the 0th day.
-        let date = Some(days.parse().ok()?).filter(|days| *days != 0).map(|days| Date { days: [Some(days); 3] });
+        let date = Some(days.parse().ok()?).filter(|days| *days != 0).map(|days| [Some(days); 3]);
         return Some(Stamp { of_day_s: seconds.parse().ok()?, date });
     }
     if let Some(spaced) = spaced(text) {
@@ -57,7 +50,7 @@ pub fn stamp(text: &str) -> Option<Stamp> {
     let elapsed = before.strip_suffix("days").or_else(|| before.strip_suffix("day")).map(|days| days.trim().parse());
     let date = match elapsed {
         _ if before.is_empty() => None,
-        Some(days) => Some(Date { days: [Some(days.ok()?); 3] }),
+        Some(days) => Some([Some(days.ok()?); 3]),
         None => Some(date(before)?),
     };
     let (time, date) = match time.split_once(' ').and_then(|(time, after)| Some((time, self::date(after)?))) {
@@ -71,7 +64,7 @@ pub fn stamp(text: &str) -> Option<Stamp> {
 fn spaced(text: &str) -> Option<String> {
     let (date, time) = text.split_once(['T', 't'])?;
     let whole = time.find(|c: char| !c.is_ascii_digit()).unwrap_or(time.len());
-    let is_compact = date.len() == 8 && date.bytes().all(|b| b.is_ascii_digit()) && whole == 6;
+    let is_compact = date.len() == 8 && all_digits(date) && whole == 6;
     let part = |text: &str, at: std::ops::Range<usize>| text[at].to_owned();
     is_compact.then(|| {
         let date = [part(date, 0..4), part(date, 4..6), part(date, 6..8)].join("-");
@@ -87,7 +80,8 @@ pub fn is_clock(text: &str) -> bool {
 /// Whether `text` is hours and minutes, or minutes and seconds.
 pub fn is_two_parts(text: &str) -> bool {
     let parts: Vec<&str> = text.trim().split(':').collect();
-    matches!(parts.as_slice(), [a, b] if [a, b].iter().all(|p| !p.is_empty() && p.len() <= 2 && p.bytes().all(|c| c.is_ascii_digit())))
+    let is_part = |part: &&str| (1..=2).contains(&part.len()) && all_digits(part);
+    parts.len() == 2 && parts.iter().all(is_part)
 }
 
 /// How the fractions of seconds in a column are written.
@@ -159,15 +153,11 @@ fn of_day(text: &str) -> Option<f64> {
         None => (clock, 0.0),
     };
     let parts: Vec<&str> = clock.split(':').collect();
-    let whole = |part: &str| {
-        (!part.is_empty() && part.len() <= 3 && part.bytes().all(|b| b.is_ascii_digit()))
-            .then(|| part.parse::<f64>().ok())?
-    };
+    let whole = |part: &str| part.parse::<f64>().ok().filter(|_| part.len() <= 3 && all_digits(part));
     let seconds = |part: &str| {
         let (number, broken) = part.split_once(['.', ',']).unwrap_or((part, ""));
-        let digits = |part: &str| part.bytes().all(|b| b.is_ascii_digit());
-        (number.len() <= 2 && !number.is_empty() && digits(number) && digits(broken))
-            .then(|| part.replace(',', ".").parse::<f64>().ok())?
+        let is_number = (1..=2).contains(&number.len()) && all_digits(number) && all_digits(broken);
+        part.replace(',', ".").parse::<f64>().ok().filter(|_| is_number)
     };
     let (hours, minutes, seconds) = match parts.as_slice() {
         [h, m, s] => (whole(h)?, whole(m)?, seconds(s)?),
@@ -187,8 +177,7 @@ fn of_day(text: &str) -> Option<f64> {
 fn zone(text: &str) -> Option<f64> {
     let (sign, digits) = text.split_at_checked(1)?;
     let (hours, minutes) = digits.split_once(':').or(digits.split_at_checked(2)).unwrap_or((digits, ""));
-    let number =
-        |part: &str| (part.len() <= 2 && part.bytes().all(|b| b.is_ascii_digit())).then(|| part.parse().unwrap_or(0.0));
+    let number = |part: &str| (part.len() <= 2 && all_digits(part)).then(|| part.parse().unwrap_or(0.0));
     let seconds = 3600.0 * number(hours).filter(|_| !hours.is_empty())? + 60.0 * number(minutes)?;
     Some(if sign == "-" { -seconds } else { seconds })
 }
@@ -211,7 +200,7 @@ fn date(text: &str) -> Option<Date> {
         (_, 2) => [at(c, b, a), at(c, a, b), at(a, b, c)],
         _ => [at(c, b, a), at(c, a, b), None],
     };
-    days.iter().any(Option::is_some).then_some(Date { days })
+    days.iter().any(Option::is_some).then_some(days)
 }
 
 /// Days since 1 March of year 0 of the Gregorian calendar.
@@ -233,10 +222,7 @@ pub struct Clock {
 
 impl Clock {
     /// The time of `stamp`, s. A clock without a date is a day further where it goes back by more than half a day.
-    ///
-    /// # Errors
-    ///
-    /// Where the date does not follow that of the row before, or may be one of two.
+    /// The date must follow that of the row before, and not be one of two.
     pub fn seconds(&mut self, stamp: Stamp) -> Result<f64, String> {
         let midnight_s = match self.last.take() {
             None => 0.0,
@@ -255,13 +241,8 @@ impl Clock {
 
     /// Days from one row's date to the next: a day at most in one order of their parts, or the same in all of them.
     fn days_between(&mut self, before: &Date, now: &Date) -> Result<i64, String> {
-        let step = |k: usize| {
-            now.days[k]
-                .zip(before.days[k])
-                .and_then(|(now, before): (i64, i64)| now.checked_sub(before))
-                .filter(|step| *step >= 0)
-        };
-        let steps = [0, 1, 2].map(|k| step(k).filter(|_| !self.excluded[k]));
+        let step = |k: usize| now[k]?.checked_sub(before[k]?).filter(|step| *step >= 0 && !self.excluded[k]);
+        let steps = [0, 1, 2].map(step);
         let shortest = steps.iter().flatten().min().copied().ok_or("the date goes backwards; sort the rows")?;
         if let Some(longer) = steps.iter().flatten().find(|step| **step > shortest.max(1)).filter(|_| shortest > 1) {
             return Err(format!(

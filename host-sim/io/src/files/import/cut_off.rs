@@ -17,17 +17,8 @@ fn rows(text: &str) -> impl Iterator<Item = &str> {
     text.rsplit(['\n', '\r']).filter(|line| !line.trim().is_empty() && !is_comment(line))
 }
 
-/// The last row of `text`.
-pub(super) fn last_row(text: &str) -> Option<&str> {
-    rows(text).next()
-}
-
-/// Whether the end of the last row of `text` is missing: cells, or digits of its last number that all rows before it have.
-pub(super) fn is_cut_off(text: &str, separator: Separator, decimal: Decimal) -> bool {
-    row(text, separator, decimal).is_some()
-}
-
-fn row(text: &str, separator: Separator, decimal: Decimal) -> Option<&str> {
+/// The last row of `text` if its end is missing: cells, or digits of its last number that all rows before it have.
+pub(super) fn row(text: &str, separator: Separator, decimal: Decimal) -> Option<&str> {
     let mut rows = rows(text);
     let last = rows.next()?;
     let before: Vec<Vec<&str>> =

@@ -1,16 +1,15 @@
 //! Dates and days in a column of their own, beside times that do not have them.
 
 use super::chosen::{By, Chosen};
-use super::clock;
+use super::clock::{self, DAY_S};
 use super::lines::Fault;
+use super::numbers::Cell;
 use super::reading::Reading;
-use super::source::Value;
-use super::words::is_of;
+use super::words::has_word;
 
 /// Words for dates, whose cells are dates or whole numbers, and for days, whose cells are these or count them.
 const DATES: &str = "date datum fecha data дата 日期 日付";
 const DAYS: &str = "day tag jour día dia giorno dag день";
-const DAY_S: f64 = 86400.0;
 /// Seconds that elapsed are below, and those since 1970 above.
 const MAX_ELAPSED_S: f64 = 1e8;
 /// A pause in the times is this long at least, s.
@@ -73,65 +72,49 @@ impl Days {
 }
 
 /// Refuses a column that is not read whose date changes where the times in the column `time` do not pass midnight.
-///
-/// # Errors
-///
-/// The line, both readings and what to do.
 pub fn refuse(reading: Reading<'_>, time: &Chosen) -> Result<(), Fault> {
     let Reading { source, titles, .. } = reading;
     // A person who chose them knows the times.
     if time.by == By::Choice {
         return Ok(());
     }
-    let says = |index: usize, known: &str| {
-        let name = titles[index].name.to_lowercase();
-        name.split(|c: char| !c.is_alphanumeric()).any(|word| is_of(known, word))
-    };
-    let is_date = |index: &usize| says(*index, DATES) || says(*index, DAYS);
+    let is_date = |index: &usize| [DATES, DAYS].iter().any(|words| has_word(words, &titles[*index].name));
     let Some(index) = reading.others().into_iter().find(is_date) else { return Ok(()) };
     let mut days = Days::default();
     // A row that cannot be read is found later; a column of other texts is no date.
     let all = source.each(&[time.index, index], |line, values| {
         let now = match values[0] {
-            Value::Number(number) if (number * time.factor).abs() < MAX_ELAPSED_S => {
-                Time::Elapsed(number * time.factor)
-            }
-            Value::Text(text) => match clock::stamp(text) {
-                Some(stamp) if stamp.days().is_none() => Time::OfDay(stamp.of_day_s()),
+            Cell::Number(number) if (number * time.factor).abs() < MAX_ELAPSED_S => Time::Elapsed(number * time.factor),
+            Cell::Text(text) => match clock::stamp(text) {
+                Some(stamp) if stamp.days().is_none() => Time::OfDay(stamp.of_day_s),
                 _ => return Err(String::new()),
             },
-            Value::Number(_) => return Err(String::new()),
+            Cell::Number(_) => return Err(String::new()),
             _ => return Ok(()),
         };
         match values[1] {
-            Value::Nothing | Value::Ended => {}
+            Cell::Nothing | Cell::Ended => {}
             value => days.take(line, day(value).ok_or_else(String::new)?, now),
         }
         Ok(())
     });
-    let fault = days.fault().filter(|_| all.is_ok());
-    fault.map_or(Ok(()), |line| {
-        Err((
-            line,
-            format!(
-                "{:?} changes here, where the times in {:?} do not show midnight: there may be a pause before this row that they do not have; join both \
-                 to one column, as in 2026-11-24 10:00:01, or choose the times with `columns` time={} if there was none",
-                titles[index].name,
-                time.name(titles),
-                time.index + 1
-            ),
-        ))
-    })
+    let Some(line) = days.fault().filter(|_| all.is_ok()) else { return Ok(()) };
+    let cause = format!(
+        "{:?} changes here, where the times in {:?} do not show midnight: there may be a pause before this row that they do not have; join both \
+         to one column, as in 2026-11-24 10:00:01, or choose the times with `columns` time={} if there was none",
+        titles[index].name,
+        time.name(titles),
+        time.index + 1
+    );
+    Err((line, cause))
 }
 
 /// The number of a day: of a date without a time of day, or a whole number.
-fn day(value: Value<'_>) -> Option<Day> {
+fn day(value: Cell<'_>) -> Option<Day> {
     match value {
-        Value::Number(number) => Some([Some(number); 3]).filter(|_| number.fract() == 0.0),
-        Value::Text(text) if text.starts_with('@') => {
-            clock::stamp(text).filter(|stamp| stamp.of_day_s() == 0.0)?.days()
-        }
-        Value::Text(text) => clock::stamp(&format!("{text} 00:00:00"))?.days(),
+        Cell::Number(number) => Some([Some(number); 3]).filter(|_| number.fract() == 0.0),
+        Cell::Text(text) if text.starts_with('@') => clock::stamp(text).filter(|stamp| stamp.of_day_s == 0.0)?.days(),
+        Cell::Text(text) => clock::stamp(&format!("{text} 00:00:00"))?.days(),
         _ => None,
     }
 }

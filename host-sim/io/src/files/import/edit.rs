@@ -76,10 +76,7 @@ impl Blank {
 
     /// The words among `blanks`.
     pub fn words(blanks: &[Self]) -> Vec<String> {
-        let word = |blank: &Self| match blank {
-            Self::Word(word) => Some(word.clone()),
-            _ => None,
-        };
+        let word = |blank: &Self| if let Self::Word(word) = blank { Some(word.clone()) } else { None };
         blanks.iter().filter_map(word).collect()
     }
 }
@@ -176,11 +173,11 @@ impl Series {
         };
         let start = self.clock_s[0];
         // As the numbers of the file were taken: the same product is the same number.
-        let factor = self.understood.factor(quantity).unwrap_or(1.0);
+        let factor = self.understood.column(quantity).map_or(1.0, |column| column.factor);
         let (limit, turned) = (value * factor, factor < 0.0);
         let clock_s = &self.clock_s;
         let column = self.columns.iter_mut().find(|(which, _)| *which == quantity);
-        let (_, column) = column.ok_or_else(|| format!("no {} to blank", quantity.name()))?;
+        let (_, column) = column.ok_or_else(|| format!("no {quantity} to blank"))?;
         let is_blanked = |(row, cell): (usize, &Option<f64>)| {
             cell.is_some_and(|cell| match *blank {
                 Blank::Equal(..) => cell == limit,
@@ -190,25 +187,24 @@ impl Series {
                 Blank::Word(_) => false,
             })
         };
-        let cells: Vec<Option<f64>> =
-            column.cells().iter().enumerate().map(|entry| if is_blanked(entry) { None } else { *entry.1 }).collect();
-        let emptied: Vec<bool> =
-            cells.iter().zip(column.cells()).map(|(after, before)| after.is_none() && before.is_some()).collect();
+        let emptied: Vec<usize> =
+            column.cells().iter().enumerate().filter(|cell| is_blanked(*cell)).map(|(row, _)| row).collect();
+        let mut cells = column.cells().to_vec();
+        emptied.iter().for_each(|row| cells[*row] = None);
         *column = column.with_cells(cells);
-        let pieces = (0..emptied.len()).filter(|row| emptied[*row]).collect::<Vec<usize>>();
         let length_s = |piece: &[usize]| clock_s[piece[piece.len() - 1]] - clock_s[piece[0]];
-        let longest_s = pieces.chunk_by(|a, b| a + 1 == *b).map(length_s).fold(0.0, f64::max);
+        let longest_s = emptied.chunk_by(|a, b| a + 1 == *b).map(length_s).fold(0.0, f64::max);
         let is_by_value = !matches!(blank, Blank::During(..)) && quantity != Quantity::Displacement;
-        if pieces.is_empty() {
-            self.understood.notes.push(format!("`blank` of the {} empties nothing: {}", quantity.name(), blank.what()));
+        if emptied.is_empty() {
+            self.understood.notes.push(format!("`blank` of the {quantity} empties nothing: {}", blank.what()));
         } else if is_by_value && longest_s > DROP_OUT_S {
             self.understood.notes.push(format!(
-                "`blank` of the {} empties {} s in one piece, where it may be the film's: name the times of drop-outs, as in {0}:12.5..13",
-                quantity.name(),
+                "`blank` of the {quantity} empties {} s in one piece, where it may be the film's: name the times of drop-outs, as in \
+                 {quantity}:12.5..13",
                 rounded(longest_s)
             ));
         }
-        Ok(pieces.len())
+        Ok(emptied.len())
     }
 
     /// The same with `rows` other rows, made from all times and all cells of a column.

@@ -12,10 +12,6 @@ pub struct Decoded {
 }
 
 /// The texts that `bytes` may be: one, or several where no mark and no rule of an encoding separates them.
-///
-/// # Errors
-///
-/// What the bytes are instead of text.
 pub fn readings(bytes: &[u8]) -> Result<Vec<Decoded>, String> {
     if bytes.starts_with(b"\xff\xfe\0\0") || bytes.starts_with(b"\0\0\xfe\xff") {
         return Err("is UTF-32 text; save it as UTF-8".into());

@@ -11,7 +11,7 @@ use super::mapping;
 use super::numbers::{self, Cell, Decimal};
 use super::reading::Reading;
 use super::series::{Series, Understood, UnderstoodColumn};
-use super::source::{Source, Value, si};
+use super::source::{Source, si};
 use super::text::{Dialect, TextTable};
 use super::times::{Origin, Times};
 use super::{
@@ -127,17 +127,11 @@ const MARK: char = '\u{feff}';
 /// Reads text; in each of the encodings that it may be in.
 fn text(bytes: &[u8], request: &Request<'_>, hints: &Hints) -> Result<Series, Fault> {
     let decoded = encoding::readings(bytes).map_err(of_file)?;
-    let texts: Vec<(String, Cow<'_, str>)> = decoded
-        .iter()
-        .map(|decoded| match reshaped::transposed(&decoded.text, names::is_time) {
-            Some(turned) => (format!("text ({}) with rows for columns", decoded.encoding), turned.into()),
-            None => (format!("text ({})", decoded.encoding), reshaped::unwrapped(&decoded.text)),
-        })
-        .collect();
+    let texts: Vec<(String, Cow<'_, str>)> = decoded.iter().map(shaped).collect();
     let mut understood: Vec<(Source<'_>, Vec<Chosen>)> = Vec::new();
     let mut fault = None;
     for (format, text) in &texts {
-        match table(format, text, &hints.dialect(), request, hints) {
+        match table(format, text, &hints.dialect(), request) {
             Ok(reading) => understood.push(reading),
             Err(error) => fault = Some(error),
         }
@@ -176,13 +170,20 @@ fn text(bytes: &[u8], request: &Request<'_>, hints: &Hints) -> Result<Series, Fa
     }
 }
 
+/// The format of a text, and the text with cells on one line each, and columns where it has rows for them.
+fn shaped(encoding::Decoded { encoding, text }: &encoding::Decoded) -> (String, Cow<'_, str>) {
+    match reshaped::transposed(text, names::is_time) {
+        Some(turned) => (format!("text ({encoding}) with rows for columns"), turned.into()),
+        None => (format!("text ({encoding})"), reshaped::unwrapped(text)),
+    }
+}
+
 /// The table in `text`, and its columns.
 fn table<'a>(
     format: &str,
     text: &'a str,
     dialect: &Dialect<'_>,
     request: &Request<'_>,
-    hints: &Hints,
 ) -> Result<(Source<'a>, Vec<Chosen>), Fault> {
     let find = |dialect: &Dialect<'_>| TextTable::find(text, dialect);
     // A single column is a table where the preamble states its rate.
@@ -190,7 +191,7 @@ fn table<'a>(
     let table = find(dialect)
         .or_else(|error| find(&Dialect { single: true, ..*dialect }).ok().filter(states_rate).ok_or(error))?;
     let source = Source::Text(format.into(), Box::new(table));
-    let chosen = map(&source, request, hints)?;
+    let chosen = map(&source, request, dialect.hints)?;
     Ok((source, chosen))
 }
 
@@ -202,7 +203,7 @@ fn spreadsheet(bytes: Vec<u8>, request: &Request<'_>, hints: &Hints) -> Result<S
     let mut unread = Vec::new();
     for sheet in &sheets {
         let dialect = Dialect { sheet: Some(&sheet.ambiguous), ..hints.dialect() };
-        match table(&format!("spreadsheet {:?}", sheet.name), &sheet.text, &dialect, request, hints) {
+        match table(&format!("spreadsheet {:?}", sheet.name), &sheet.text, &dialect, request) {
             Ok(reading) => found.push((&sheet.name, reading)),
             Err(error) => {
                 // A sheet of notes has no rows of numbers; that of another is the fault.
@@ -269,10 +270,7 @@ fn map(source: &Source<'_>, request: &Request<'_>, hints: &Hints) -> Result<Vec<
 }
 
 /// The interval of the rows, s, where a person or the preamble states it.
-///
-/// # Errors
-///
-/// The line and the cause where it is needed and not certain.
+/// Fails where it is needed and not certain.
 fn interval_s(reading: Reading<'_>, hints: &Hints) -> Result<Option<f64>, Fault> {
     if let Some(rate_hz) = hints.rate_hz {
         return Ok(Some(1.0 / rate_hz));
@@ -314,9 +312,8 @@ fn extract(source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -> Result<Seri
             if let Some((_, cause)) = doubt.take_if(|(doubtful, _)| *doubtful <= line) {
                 return Err(cause);
             }
-            let of_second = |(value, fraction): (&Value<'_>, &fractions::Fraction)| match value {
-                Value::Number(number) => number * fraction.unit_s,
-                _ => 0.0,
+            let of_second = |(cell, fraction): (&Cell<'_>, &fractions::Fraction)| {
+                cell.number().map_or(0.0, |number| number * fraction.unit_s)
             };
             let fraction_s = values[chosen.len()..].iter().zip(&fractions).map(of_second).sum();
             if reading.time().is_none() {
@@ -328,16 +325,16 @@ fn extract(source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -> Result<Seri
                     continue;
                 }
                 let value = match values[place] {
-                    Value::Text(text) if hints.words.iter().any(|word| word == text) => Value::OutOfRange,
+                    Cell::Text(text) if hints.words.iter().any(|word| word == text) => Cell::OutOfRange,
                     value => value,
                 };
-                out_of_range[place] += usize::from(matches!(value, Value::OutOfRange));
+                out_of_range[place] += usize::from(matches!(value, Cell::OutOfRange));
                 columns[place].push(si(&names[place], value, *factor)?, line);
             }
             Ok(())
         })
         .and_then(|()| doubt.map_or(Ok(()), Err));
-    if let (Source::Text(_, table), None) = (source, reading.time())
+    if let (Some(table), None) = (source.text(), reading.time())
         && let Some((line, _)) = empty_rows(&table.segments)
     {
         let cause = "an empty row, where rows have no times: was a reading missed? Fill it, or remove it if not";
@@ -346,18 +343,11 @@ fn extract(source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -> Result<Seri
     let until = read_rows.as_ref().err().map_or(u64::MAX, |(line, _)| *line);
     doubts::refuse_commas(reading, until).map_err(of_all)?;
     read_rows?;
-    let mut used: Vec<UnderstoodColumn> = chosen
-        .iter()
-        .zip(&names)
-        .map(|(column, name)| UnderstoodColumn {
-            quantity: column.quantity,
-            column: column.index + 1,
-            name: name.clone(),
-            unit: column.unit.clone(),
-            factor: column.factor,
-            by: column.by,
-        })
-        .collect();
+    let understood = |(column, name): (&Chosen, &String)| {
+        let Chosen { quantity, index, unit, factor, by } = column.clone();
+        UnderstoodColumn { quantity, column: index + 1, name: name.clone(), unit, factor, by }
+    };
+    let mut used: Vec<UnderstoodColumn> = chosen.iter().zip(&names).map(understood).collect();
     let without_unit = used.iter_mut().find(|c| c.quantity == Quantity::Time && c.by == By::Preamble);
     let named = without_unit.as_ref().map(|column| (column.column, column.name.as_str()));
     let (clock_s, unit) = times.finish(named, || source.runs()).map_err(of_file)?;
@@ -368,19 +358,14 @@ fn extract(source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -> Result<Seri
     let columns = chosen.iter().map(|column| column.quantity).zip(columns);
     let columns = columns.filter(|(quantity, column)| *quantity != Quantity::Time && column.has_values()).collect();
     let head = source.head();
-    let is_ignored = |index: &usize| !read.contains(index);
+    let ignored = || (0..titles.len()).filter(|index| !read.contains(index)).map(|index| &titles[index].name);
     let understood = Understood {
-        file: String::new(),
         format: source.format(),
         header_line: head.map_or(0, |head| head.line),
         preamble_lines: head.map_or(0, |head| head.preamble),
         columns: used,
-        ignored: (0..titles.len())
-            .filter(is_ignored)
-            .map(|index| titles[index].name.clone())
-            .filter(|n| !n.is_empty())
-            .collect(),
-        notes: Vec::new(),
+        ignored: ignored().filter(|name| !name.is_empty()).cloned().collect(),
+        ..Understood::default()
     };
     let mut series = Series { clock_s, columns, understood };
     // What drives the film must be complete: there it is an error.
@@ -390,8 +375,8 @@ fn extract(source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -> Result<Seri
         }
     }
     let mut notes = remarks(source, &names, &out_of_range);
-    notes
-        .extend(fractions.iter().map(|f| format!("{:?} is added to the times of day beside it", titles[f.index].name)));
+    let added = fractions.iter().map(|fraction| &titles[fraction.index].name);
+    notes.extend(added.map(|name| format!("{name:?} is added to the times of day beside it")));
     if let Some(meaning) = hints.repeated_times {
         rates::refuse_repeated(reading, &series.clock_s, meaning).map_err(of_file)?;
         series.without_repeated_times(meaning);
@@ -402,11 +387,11 @@ fn extract(source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -> Result<Seri
     notes.extend(other_times::remarks(reading));
     notes.extend(status::remarks(reading));
     notes.extend(rates::remarks(reading, &series.clock_s));
-    if hints.rate_hz.is_some() && hints.choices.get(Quantity::Time).is_none() {
-        let unused = (0..titles.len()).filter(is_ignored).find(|index| names::is_time(&titles[*index].name));
-        notes.extend(unused.map(|index| {
-            format!("the times in {:?} are not used: the rate of the rows is stated with `rate_hz`", titles[index].name)
-        }));
+    if hints.rate_hz.is_some()
+        && hints.choices.get(Quantity::Time).is_none()
+        && let Some(name) = ignored().find(|name| names::is_time(name))
+    {
+        notes.push(format!("the times in {name:?} are not used: the rate of the rows is stated with `rate_hz`"));
     }
     series.understood.notes = notes;
     match series.clock_s.len() {
@@ -418,13 +403,12 @@ fn extract(source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -> Result<Seri
 
 /// Remarks on rows that were left out, and on readings out of range.
 fn remarks(source: &Source<'_>, names: &[String], out_of_range: &[usize]) -> Vec<String> {
-    let mut notes: Vec<String> = names
-        .iter()
-        .zip(out_of_range)
-        .filter(|(_, count)| **count > 0)
-        .map(|(name, count)| format!("{count} readings of {name:?} are out of range or blanked: they are missing"))
-        .collect();
-    if let Source::Text(_, table) = source {
+    let missing = names.iter().zip(out_of_range).filter(|(_, count)| **count > 0);
+    let remark = |(name, count): (&String, &usize)| {
+        format!("{count} readings of {name:?} are out of range or blanked: they are missing")
+    };
+    let mut notes: Vec<String> = missing.map(remark).collect();
+    if let Some(table) = source.text() {
         if let Some((line, count)) = empty_rows(&table.segments) {
             notes.push(format!("empty rows are left out: {count}, the first in line {line}"));
         }
@@ -444,7 +428,7 @@ fn remarks(source: &Source<'_>, names: &[String], out_of_range: &[usize]) -> Vec
             let more = if more.is_empty() { String::new() } else { format!(", and {} more", more.len()) };
             notes.push(format!("left out: the comment {text:?} between the rows, in line {}{more}", first.number));
         }
-        if let Some(row) = table.cut_off() {
+        if let Some(row) = table.cut_off {
             let end = table.separator.split(row).pop().unwrap_or_default();
             notes.push(format!(
                 "the file ends in the middle of its last row, whose end is {end:?}: it was cut off; the row is left out"

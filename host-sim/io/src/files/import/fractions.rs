@@ -1,12 +1,12 @@
 //! Columns of milliseconds beside times of day.
 
-use super::Quantity;
 use super::chosen::By;
 use super::clock;
 use super::lines::Fault;
-use super::names::{Title, UnitSense, unit_cell};
+use super::names::Title;
+use super::numbers::Cell;
+use super::preamble::time_unit;
 use super::reading::Reading;
-use super::source::Value;
 
 /// Column of a part of the seconds that are in a column of times of day.
 #[derive(Clone, Copy, Debug)]
@@ -18,19 +18,13 @@ pub struct Fraction {
 }
 
 /// The columns right of the times of day that have parts of their seconds. Times with seconds of their own parts have none.
-///
-/// # Errors
-///
-/// The line and the cause where they have more than that.
+/// Fails where they have more than that.
 pub fn beside(reading: Reading<'_>) -> Result<Vec<Fraction>, Fault> {
     let Reading { source, titles, .. } = reading;
     let Some(time) = reading.time().filter(|time| titles[time.index].clock) else { return Ok(Vec::new()) };
     let unit = |title: &Title| {
         let text = if title.name.is_empty() { title.unit.as_deref().unwrap_or_default() } else { &title.name };
-        match unit_cell(text, false) {
-            UnitSense::Known(unit) if unit.quantity == Quantity::Time && unit.factor < 1.0 => Some(unit.factor),
-            _ => None,
-        }
+        time_unit(text).map(|unit| unit.factor).filter(|unit_s| *unit_s < 1.0)
     };
     let behind = titles.iter().enumerate().skip(time.index + 1);
     let found: Vec<Fraction> =
@@ -42,12 +36,12 @@ pub fn beside(reading: Reading<'_>) -> Result<Vec<Fraction>, Fault> {
     let (mut is_whole, mut other) = (true, None);
     source.each(&indices, |line, values| {
         is_whole &= match values[0] {
-            Value::Text(text) => clock::stamp(text).is_none_or(|stamp| stamp.is_whole()),
+            Cell::Text(text) => clock::stamp(text).is_none_or(|stamp| stamp.is_whole()),
             _ => true,
         };
         for (value, fraction) in values[1..].iter().zip(&found) {
             let is_part =
-                matches!(value, Value::Number(n) if n.fract() == 0.0 && (0.0..1.0).contains(&(n * fraction.unit_s)));
+                matches!(value, Cell::Number(n) if n.fract() == 0.0 && (0.0..1.0).contains(&(n * fraction.unit_s)));
             if !is_part && other.is_none() {
                 other = Some((line, fraction.index));
             }
@@ -58,15 +52,13 @@ pub fn beside(reading: Reading<'_>) -> Result<Vec<Fraction>, Fault> {
         _ if !is_whole => Ok(Vec::new()),
         None => Ok(found),
         Some(_) if time.by == By::Choice => Ok(Vec::new()),
-        Some((line, index)) => Err((
-            line,
-            format!(
-                "{:?} is right of times of whole seconds, but is not a part of a second here; choose with `columns` time={} without it, or \
-                 `columns` time={}",
-                titles[index].name,
-                time.index + 1,
-                index + 1
-            ),
-        )),
+        Some((line, index)) => {
+            let (name, time, number) = (&titles[index].name, time.index + 1, index + 1);
+            let cause = format!(
+                "{name:?} is right of times of whole seconds, but is not a part of a second here; choose with `columns` time={time} without \
+                 it, or `columns` time={number}"
+            );
+            Err((line, cause))
+        }
     }
 }

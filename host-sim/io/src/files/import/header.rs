@@ -4,7 +4,7 @@ use super::beginnings::Beginnings;
 use super::interval::{self, Stated};
 use super::lines::Fault;
 use super::names::{Title, UnitSense, unit_cell};
-use super::numbers::{self, Cell, Decimal};
+use super::numbers::is_number;
 
 /// A row above the numbers, or the first of them.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,10 +78,7 @@ fn key(cell: &str) -> Option<Key> {
 
 /// Finds the header in the rows `above` the numbers, of which the first has `columns` cells. A person may say that the names are in line
 /// `forced`.
-///
-/// # Errors
-///
-/// The line and the cause where a row between names and numbers is neither.
+/// A row between names and numbers that is neither is an error.
 pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Head, Fault> {
     let rows: Vec<&TopRow> =
         above.iter().filter(|row| (!row.comment || forced == Some(row.line)) && !row.cells.is_empty()).collect();
@@ -91,7 +88,7 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
     let mut names = None;
     for (index, row) in rows.iter().enumerate().rev() {
         let filled = row.cells.iter().filter(|cell| !cell.trim().is_empty()).count();
-        let is_numeric = row.cells.iter().any(is_number);
+        let is_numeric = row.cells.iter().any(|cell| is_number(cell));
         let key = key(&row.cells[0]);
         if forced == Some(row.line) {
             names = Some(index);
@@ -155,16 +152,11 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
         let counts = unit(index).is_some_and(|unit| unit.trim().eq_ignore_ascii_case("sequence"));
         counts || (index == 0 && key(name) == Some(Key::Names))
     };
-    head.titles = row
-        .cells
-        .iter()
-        .enumerate()
-        .map(|(k, name)| Title {
-            name: if is_no_name(k, name) { String::new() } else { name.trim().into() },
-            unit: unit(k),
-            ..Title::default()
-        })
-        .collect();
+    let title = |(k, name): (usize, &String)| {
+        let name = if is_no_name(k, name) { "" } else { name.trim() };
+        Title { unit: unit(k), ..Title::new(name) }
+    };
+    head.titles = row.cells.iter().enumerate().map(title).collect();
     if let Some(groups) = index.checked_sub(1).map(|above| rows[above]).filter(|groups| are_groups(groups, row)) {
         let mut group = "";
         for (k, title) in head.titles.iter_mut().enumerate() {
@@ -201,20 +193,17 @@ fn are_groups(groups: &TopRow, names: &TopRow) -> bool {
         && filled > 1
         && (groups.cells[0].trim().is_empty() || filled == names.cells.len())
         && names.cells.len() > 2
-        && !groups.cells.iter().any(is_number)
+        && !groups.cells.iter().any(|cell| is_number(cell))
         && key(&groups.cells[0]).is_none()
-}
-
-fn is_number(cell: impl AsRef<str>) -> bool {
-    let number = |decimal| matches!(numbers::cell(cell.as_ref(), decimal), Cell::Number(_));
-    number(Decimal::Point) || number(Decimal::Comma)
 }
 
 /// The rows `above` numbers or a row of units in line `units`, with the comments that may be names, as numpy.savetxt writes them:
 /// `# time_s voltage_v`. None without such comments.
 fn uncommented(above: &[TopRow], units: Option<u64>, columns: usize) -> Option<Vec<TopRow>> {
     let may_name = |row: &TopRow| {
-        row.cells.len() == columns && !row.cells.iter().any(is_number) && units.is_none_or(|line| row.line < line)
+        row.cells.len() == columns
+            && !row.cells.iter().any(|cell| is_number(cell))
+            && units.is_none_or(|line| row.line < line)
     };
     above.iter().any(|row| row.comment && may_name(row)).then(|| {
         let rows = above.iter().filter(|row| !row.comment || may_name(row));
@@ -241,7 +230,7 @@ fn is_units(row: &TopRow, above: &[&TopRow], columns: usize) -> bool {
         let is_name = |(name, unit): (&String, &String)| unit.trim().is_empty() || !name.trim().is_empty();
         names.cells.len() == row.cells.len()
             && names.cells.iter().zip(&row.cells).all(is_name)
-            && !names.cells.iter().any(is_number)
+            && !names.cells.iter().any(|cell| is_number(cell))
             && key(&names.cells[0]).is_none()
             && !is_units(names, &[], columns)
     };

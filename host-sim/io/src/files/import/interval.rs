@@ -5,7 +5,7 @@
 use super::Quantity;
 use super::beside::{self, Beside};
 use super::lines::Fault;
-use super::names::{UnitSense, unit_cell};
+use super::names::unit_cell;
 use super::numbers::{self, Decimal};
 use super::preamble::{common_unit, hertz, is_one_of, name_and_rest, time_unit};
 use super::units::Unit;
@@ -227,9 +227,7 @@ fn meaning(
     let intervals: Option<Vec<f64>> = numbers.iter().map(|number| in_seconds(*number)).collect();
     Some(match (numbers.as_slice(), intervals) {
         // A step of a drive, or its mean.
-        _ if matches!(unit_cell(unit, false), UnitSense::Known(unit) if unit.quantity != Quantity::Time) => {
-            return None;
-        }
+        _ if unit_cell(unit, false).known().is_some_and(|unit| unit.quantity != Quantity::Time) => return None,
         ([1.0], _) if is_count => return None,
         ([count], _) if is_count => Meaning::Beside(Beside::Every(*count)),
         ([_], Some(intervals)) if !each => match key {

@@ -37,10 +37,7 @@ const REFUSED: &[(&[u8], &str)] = &[
 ];
 
 /// The kind of a file that begins with `head`.
-///
-/// # Errors
-///
-/// What the file is, and what to do.
+/// Any other kind is an error, which names it.
 pub fn detect(head: &[u8]) -> Result<Kind, String> {
     if head.is_empty() {
         return Err(

@@ -3,7 +3,7 @@
 use super::numbers::{self, Cell, Decimal};
 use super::separator::Separator;
 
-/// A line (0 for the whole file), and why it cannot be used.
+/// A line (0 for the whole file), why it cannot be used, and what to do.
 pub type Fault = (u64, String);
 
 /// The line of a row, and its cells.
@@ -30,10 +30,6 @@ impl<'a> Line<'a> {
     }
 
     /// Its cells, between `separator`.
-    ///
-    /// # Errors
-    ///
-    /// Its number and why it cannot be used.
     pub fn cells(&self, separator: Separator) -> Result<Vec<&'a str>, Fault> {
         if self.text.len() > MAX_LINE {
             let cause = format!("a line of more than {MAX_LINE} characters; this is not a table of numbers");
@@ -73,12 +69,8 @@ pub fn empty_rows(segments: &[(u64, &str)]) -> Option<(u64, usize)> {
     let of_segment = |&(number, text): &(u64, &str)| {
         let is_row = |line: &Line<'_>| line.is_empty() && !line.text.trim_matches(' ').is_empty();
         let last = lines(text, number).last().map_or(0, |line| line.number);
-        let empty: Vec<u64> = all_lines(text, number)
-            .take_while(|line| line.number < last)
-            .filter(is_row)
-            .map(|line| line.number)
-            .collect();
-        Some((*empty.first()?, empty.len()))
+        let mut empty = all_lines(text, number).take_while(|line| line.number < last).filter(is_row);
+        Some((empty.next()?.number, 1 + empty.count()))
     };
     segments.iter().filter_map(of_segment).reduce(|(first, one), (_, other)| (first, one + other))
 }

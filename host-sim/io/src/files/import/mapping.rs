@@ -7,14 +7,11 @@ use super::choice::{Choice, Choices, Column};
 use super::chosen::{By, Chosen};
 use super::names::{self, Sense, Title, UnitSense};
 use super::times::Origin;
-use super::units;
+use super::units::{self, Unit};
 use super::{Quantity, Request, own_names};
 
 /// The columns with `titles` that `request` asks for; their times are from `times`.
-///
-/// # Errors
-///
-/// What is missing, or what may be read in two ways, and what to give with `--columns`.
+/// What is missing, or may be read in two ways, is an error that says what to give with `--columns`.
 pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices, times: Origin) -> Result<Vec<Chosen>, String> {
     let letters = |test: fn(char) -> bool| titles.iter().any(|title| title.name.chars().any(test));
     let capitals = letters(char::is_uppercase) && !letters(char::is_lowercase);
@@ -33,7 +30,7 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices, times: Or
     let other = |quantity: &Quantity| !request.wants(*quantity) && choices.get(*quantity).is_some();
     if let Some(other) = [Quantity::Command, Quantity::Stretch, Quantity::Stress].iter().find(|q| other(q)) {
         let names: Vec<&str> = request.wanted.iter().map(|(quantity, _)| quantity.name()).collect();
-        return Err(format!("`columns` {}: what is read here is {}", other.name(), names.join(", ")));
+        return Err(format!("`columns` {other}: what is read here is {}", names.join(", ")));
     }
     let mut chosen: Vec<Chosen> = Vec::new();
     for (quantity, _) in request.wanted {
@@ -99,7 +96,7 @@ impl Titles<'_> {
             None => return Ok(None),
             Some(Column::Number(number)) if *number <= self.titles.len() => number - 1,
             Some(Column::Number(number)) => {
-                return Err(format!("`columns` {}={number}: there are {} columns", quantity.name(), self.titles.len()));
+                return Err(format!("`columns` {quantity}={number}: there are {} columns", self.titles.len()));
             }
             Some(Column::Name(name)) => self.by_name(quantity, name)?,
         };
@@ -113,13 +110,13 @@ impl Titles<'_> {
         let known = match self.senses[index].unit {
             UnitSense::Known(unit) if unit.quantity == quantity.measure() => Some(unit),
             UnitSense::Known(_) if choice.factor.is_none() => {
-                let (name, number) = (quantity.name(), index + 1);
                 let unit = choice.unit.map_or(quantity.example_unit(), |unit| unit.name);
                 return Err(format!(
-                    "`columns` {name}: column {} has a unit that is not one of {}; name another column, or state the factor, as in \
-                     {name}={number}:{unit}*1 if its numbers are in {unit}",
+                    "`columns` {quantity}: column {} has a unit that is not one of {}; name another column, or state the factor, as in \
+                     {quantity}={}:{unit}*1 if its numbers are in {unit}",
                     self.shown(index),
-                    units::usual(quantity)
+                    units::usual(quantity),
+                    index + 1
                 ));
             }
             _ => None,
@@ -128,11 +125,9 @@ impl Titles<'_> {
         let is_clock = quantity == Quantity::Time && self.titles[index].clock;
         if unit.is_none() && !is_clock && choice.factor.is_none() && !quantity.is_bare() {
             return Err(format!(
-                "`columns` {}: column {} has no unit; add one of {}, as in {}={}:{}, or a factor to SI",
-                quantity.name(),
+                "`columns` {quantity}: column {} has no unit; add one of {}, as in {quantity}={}:{}, or a factor to SI",
                 self.shown(index),
                 units::usual(quantity),
-                quantity.name(),
                 index + 1,
                 quantity.example_unit()
             ));
@@ -153,8 +148,7 @@ impl Titles<'_> {
         match found.iter().find(|found| !found.is_empty()).map(Vec::as_slice) {
             Some([one]) => Ok(*one),
             Some([first, second, ..]) => Err(format!(
-                "`columns` {}={name:?} may be column {} or {}; give the number",
-                quantity.name(),
+                "`columns` {quantity}={name:?} may be column {} or {}; give the number",
                 self.shown(*first),
                 self.shown(*second)
             )),
@@ -170,10 +164,8 @@ impl Titles<'_> {
         };
         match chosen.iter().enumerate().find_map(earlier) {
             Some((one, other, index)) => Err(format!(
-                "`columns`: column {} is both {} and {}; name another column for one of them",
-                self.shown(index),
-                one.name(),
-                other.name()
+                "`columns`: column {} is both {one} and {other}; name another column for one of them",
+                self.shown(index)
             )),
             None => Ok(()),
         }
@@ -182,9 +174,8 @@ impl Titles<'_> {
     /// Whether the column at `index` has a unit of `quantity`.
     fn has_unit(&self, quantity: Quantity, index: usize) -> bool {
         match self.senses[index].unit {
-            UnitSense::Known(unit) => unit.quantity == quantity.measure(),
             UnitSense::Clock => quantity == Quantity::Time,
-            _ => false,
+            unit => unit.is_of(quantity.measure()),
         }
     }
 
@@ -222,8 +213,7 @@ impl Titles<'_> {
 
     /// Refuses a displacement that may be that of a machine beside a sensor that shows volts.
     fn refuse_other_sensor(&self, index: usize, named: &[usize]) -> Result<(), String> {
-        let is_in_volts =
-            |k: &&usize| matches!(self.senses[**k].unit, UnitSense::Known(unit) if unit.quantity == Quantity::Voltage);
+        let is_in_volts = |k: &&usize| self.senses[**k].unit.is_of(Quantity::Voltage);
         let is_other = |k: &&usize| names::is_of_machine(&self.titles[index], &self.titles[**k]);
         match named.iter().filter(is_in_volts).find(is_other) {
             Some(&other) => Err(format!(
@@ -241,14 +231,14 @@ impl Titles<'_> {
     /// The columns without a name that is known here and with a unit of `quantity`. Volts are the output of many sensors; as `rivals` of a
     /// voltage those of an amplifier count. Times have any name, but increase: each channel may have its own.
     fn of_unit(&self, quantity: Quantity, taken: &[usize], rivals: bool) -> Vec<usize> {
-        let is_volts = |unit: UnitSense| matches!(unit, UnitSense::Known(unit) if unit.quantity == Quantity::Voltage && unit.factor <= 1.0);
+        let is_volts = |unit: Unit| unit.quantity == Quantity::Voltage && unit.factor <= 1.0;
         let increases = |k: &usize| self.titles[*k].increases;
         let fits = |k: &usize| {
             let sense = &self.senses[*k];
             !taken.contains(k)
                 && (sense.named.is_none() || quantity == Quantity::Time)
                 && self.has_unit(quantity, *k)
-                && (!is_volts(sense.unit) || (rivals && sense.of_amplifier))
+                && (!sense.unit.known().is_some_and(is_volts) || (rivals && sense.of_amplifier))
         };
         let mut found: Vec<usize> = (0..self.titles.len()).filter(fits).collect();
         if quantity == Quantity::Time && (rivals || found.iter().any(increases)) {
@@ -259,7 +249,7 @@ impl Titles<'_> {
 
     /// A column without a unit.
     fn bare(&self, quantity: Quantity, named: &[usize]) -> Result<Option<Chosen>, String> {
-        let number = |index: usize| format!("`columns` {}={}", quantity.name(), index + 1);
+        let number = |index: usize| format!("`columns` {quantity}={}", index + 1);
         match named {
             [] => Ok(None),
             // Most things that are called weight hang on a film.
@@ -275,9 +265,8 @@ impl Titles<'_> {
                 Ok(Some(Chosen { quantity, index: *one, unit: String::new(), factor: 1.0, by: By::Name }))
             }
             [one] => Err(format!(
-                "column {} has a unit, and a {} is a number without; state the factor, as in {}*0.01",
+                "column {} has a unit, and a {quantity} is a number without; state the factor, as in {}*0.01",
                 self.shown(*one),
-                quantity.name(),
                 number(*one)
             )),
             several => Err(self.several(quantity, several)),
@@ -290,12 +279,10 @@ impl Titles<'_> {
         let sense = &self.senses[index];
         if let Some(doubt) = sense.doubt {
             return Err(format!(
-                "column {} {}; if it is the {}, {}, otherwise name another column, or `columns` {}=none",
+                "column {} {}; if it is the {quantity}, {}, otherwise name another column, or `columns` {quantity}=none",
                 self.shown(index),
                 doubt.text(),
-                quantity.name(),
-                self.choice(quantity, index),
-                quantity.name()
+                self.choice(quantity, index)
             ));
         }
         let chosen = |unit: &str, factor: f64, by: By| Ok(Chosen { quantity, index, unit: unit.into(), factor, by });
@@ -314,35 +301,29 @@ impl Titles<'_> {
 
     /// Hint that chooses the column at `index`: `columns` voltage=2:kV.
     fn choice(&self, quantity: Quantity, index: usize) -> String {
-        let unit = if self.has_unit(quantity, index) || quantity.is_bare() {
-            String::new()
-        } else {
-            format!(":{}", quantity.example_unit())
-        };
-        format!("`columns` {}={}{unit}", quantity.name(), index + 1)
+        let is_known = self.has_unit(quantity, index) || quantity.is_bare();
+        let unit = if is_known { String::new() } else { format!(":{}", quantity.example_unit()) };
+        format!("`columns` {quantity}={}{unit}", index + 1)
     }
 
     /// Refuses a column that is `quantity` by its name and something else by its unit: a laser in volts. One that is not `sought` is ignored
     /// unless its unit is that of another quantity; volts are the output of a sensor.
     fn refuse_other_unit(&self, quantity: Quantity, taken: &[usize], sought: bool) -> Result<(), String> {
-        let is_other = |unit: UnitSense| matches!(unit, UnitSense::Known(unit) if unit.quantity != Quantity::Voltage);
+        let is_other = |unit: Unit| unit.quantity != Quantity::Voltage;
         let named = |k: &usize| {
             let sense = &self.senses[*k];
             sense.named == Some(quantity)
                 && !quantity.is_bare()
                 && !taken.contains(k)
-                && (sought || is_other(sense.unit))
+                && (sought || sense.unit.known().is_some_and(is_other))
         };
         match (0..self.titles.len()).find(named) {
             Some(index) => Err(format!(
-                "column {} is the {} by its name, but its unit is not one of {}; say what one of its numbers is in SI units, as in \
-                 `columns` {}={}*0.001, or leave it out with `columns` {}=none",
+                "column {} is the {quantity} by its name, but its unit is not one of {}; say what one of its numbers is in SI units, as in \
+                 `columns` {quantity}={}*0.001, or leave it out with `columns` {quantity}=none",
                 self.shown(index),
-                quantity.name(),
                 units::usual(quantity),
-                quantity.name(),
-                index + 1,
-                quantity.name()
+                index + 1
             )),
             None => Ok(()),
         }
@@ -384,10 +365,9 @@ impl Titles<'_> {
 
     fn no_unit(&self, quantity: Quantity, index: usize, why: &str) -> String {
         format!(
-            "column {} {why}: {}? Say it with `columns` {}={}:{}",
+            "column {} {why}: {}? Say it with `columns` {quantity}={}:{}",
             self.shown(index),
             units::usual(quantity),
-            quantity.name(),
             index + 1,
             quantity.example_unit()
         )
@@ -398,9 +378,8 @@ impl Titles<'_> {
         let shown: Vec<String> = first().map(|index| self.shown(*index)).collect();
         let choices: Vec<String> = first().map(|index| self.choice(quantity, *index)).collect();
         format!(
-            "{} columns may be the {}: {}; choose one with {}",
+            "{} columns may be the {quantity}: {}; choose one with {}",
             indices.len(),
-            quantity.name(),
             shown.join(" and "),
             choices.join(" or ")
         )
@@ -408,8 +387,8 @@ impl Titles<'_> {
 
     fn missing(&self, set: &[Quantity], request: &Request<'_>) -> String {
         let choice = |quantity: Quantity, column: &str| match quantity.example_unit() {
-            "" => format!("{}={column}", quantity.name()),
-            unit => format!("{}={column}:{unit}", quantity.name()),
+            "" => format!("{quantity}={column}"),
+            unit => format!("{quantity}={column}:{unit}"),
         };
         let names: Vec<String> = set.iter().map(|quantity| quantity.expected(request).to_owned()).collect();
         if self.titles.iter().all(|title| title.name.is_empty()) {

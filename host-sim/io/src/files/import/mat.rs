@@ -76,26 +76,19 @@ pub fn contents(bytes: &[u8]) -> Result<Contents, String> {
     let mut contents = Contents::default();
     let mut rest = Bytes { bytes: &bytes[128..], little };
     while !rest.bytes.is_empty() {
-        let (kind, data) = rest.element()?;
-        match kind {
-            element::COMPRESSED => {
-                let mut inflated = Vec::new();
-                // Eight bytes a number and something for names.
-                let limit = 8 * MAX_NUMBERS as u64 + (1 << 20);
-                ZlibDecoder::new(data.bytes).take(limit).read_to_end(&mut inflated).map_err(|_| DAMAGED)?;
-                if inflated.len() as u64 == limit {
-                    return Err(too_many());
-                }
-                let mut inside = Bytes { bytes: &inflated, little };
-                let (kind, data) = inside.element()?;
-                if kind == element::MATRIX {
-                    contents.variable(data, None, 0)?;
-                }
+        let (mut kind, mut data) = rest.element()?;
+        let mut inflated = Vec::new();
+        if kind == element::COMPRESSED {
+            // Eight bytes a number and something for names.
+            let limit = 8 * MAX_NUMBERS as u64 + (1 << 20);
+            ZlibDecoder::new(data.bytes).take(limit).read_to_end(&mut inflated).map_err(|_| DAMAGED)?;
+            if inflated.len() as u64 == limit {
+                return Err(too_many());
             }
-            element::MATRIX => {
-                contents.variable(data, None, 0)?;
-            }
-            _ => {}
+            (kind, data) = Bytes { bytes: &inflated, little }.element()?;
+        }
+        if kind == element::MATRIX {
+            contents.variable(data, None, 0)?;
         }
     }
     Ok(contents)
@@ -103,8 +96,9 @@ pub fn contents(bytes: &[u8]) -> Result<Contents, String> {
 
 /// The header of a variable in a file of version 4.
 struct OldHeader {
-    /// The type of its numbers, as in version 5.
+    /// The type of its numbers, as in version 5, and their size.
     kind: u32,
+    size: usize,
     /// Whether it is a matrix of numbers, not a text or a sparse matrix.
     is_full: bool,
     rows: usize,
@@ -122,19 +116,20 @@ impl OldHeader {
             let mut words = Bytes { bytes: bytes.get(..Self::LENGTH)?, little };
             let mut word = || words.word().ok();
             let (code, rows, columns, complex, name_length) = (word()?, word()?, word()?, word()?, word()?);
-            let kind = match code % 1000 / 10 {
-                0 => element::DOUBLE,
-                1 => element::SINGLE,
-                2 => element::INT32,
-                3 => element::INT16,
-                4 => element::UINT16,
-                5 => element::UINT8,
+            let (kind, size) = match code % 1000 / 10 {
+                0 => (element::DOUBLE, 8),
+                1 => (element::SINGLE, 4),
+                2 => (element::INT32, 4),
+                3 => (element::INT16, 2),
+                4 => (element::UINT16, 2),
+                5 => (element::UINT8, 1),
                 _ => return None,
             };
             let order = if little { 0 } else { 1 };
             let is_header = code / 1000 == order && code % 10 < 3 && complex < 2 && (2..=64).contains(&name_length);
             let header = Self {
                 kind,
+                size,
                 is_full: code % 10 == 0,
                 rows: rows as usize,
                 columns: columns as usize,
@@ -164,15 +159,9 @@ pub fn contents_of_version_4(bytes: &[u8]) -> Result<Contents, String> {
         let name = text(data.cut(header.name_length)?);
         let count =
             header.rows.checked_mul(header.columns).filter(|count| *count <= MAX_NUMBERS).ok_or_else(too_many)?;
-        let size = match header.kind {
-            element::DOUBLE => 8,
-            element::SINGLE | element::INT32 => 4,
-            element::INT16 | element::UINT16 => 2,
-            _ => 1,
-        };
-        let values = Bytes { bytes: data.cut(size * count)?, little };
+        let values = Bytes { bytes: data.cut(header.size * count)?, little };
         if header.complex {
-            data.cut(size * count)?;
+            data.cut(header.size * count)?;
             contents.skipped.push(name);
         } else if header.is_full {
             contents.take(&name, &[header.rows as f64, header.columns as f64], values.numbers(header.kind)?)?;
@@ -193,12 +182,12 @@ impl Contents {
         if data.bytes.is_empty() {
             return Ok(());
         }
-        let (_, flags) = data.element()?;
-        let flags = flags.clone().number(0)?;
+        let (_, mut flags) = data.element()?;
+        let flags = flags.word()?;
         let (class, complex) = ((flags & 0xff) as u8, flags & 0x800 != 0);
         if class == class::OPAQUE {
             // Its name is where others have their sizes.
-            let own = data.element().map(|(_, text)| text.text()).unwrap_or_default();
+            let own = data.element().map(|(_, own)| text(own.bytes)).unwrap_or_default();
             self.objects.push(name.map_or(own, str::to_owned));
             return Ok(());
         }
@@ -209,7 +198,7 @@ impl Contents {
             return Err(too_many());
         }
         let (_, own) = data.element()?;
-        let name = name.map_or_else(|| own.text(), str::to_owned);
+        let name = name.map_or_else(|| text(own.bytes), str::to_owned);
         match class {
             class::DOUBLE..=class::UINT64 => {
                 let (kind, values) = data.element()?;
@@ -219,36 +208,33 @@ impl Contents {
                 }
                 if complex {
                     self.skipped.push(name);
-                    return Ok(());
+                } else {
+                    self.take(&name, &sizes, values)?;
                 }
-                self.take(&name, &sizes, values)
             }
-            class::SPARSE => {
-                self.skipped.push(name);
-                Ok(())
-            }
-            class::STRUCTURE => self.structure(data, &name, count, depth),
-            class::OBJECT => {
-                self.objects.push(name);
-                Ok(())
-            }
+            class::SPARSE => self.skipped.push(name),
+            class::STRUCTURE => self.structure(data, &name, count, depth)?,
+            class::OBJECT => self.objects.push(name),
             class::CELL => {
                 for index in 0..count.min(MAX_COLUMNS) {
-                    let (_, cell) = data.element()?;
-                    if depth < MAX_DEPTH {
-                        self.variable(cell, Some(&format!("{name}{{{}}}", index + 1)), depth + 1)?;
-                    }
+                    self.part(&mut data, &format!("{name}{{{}}}", index + 1), depth)?;
                 }
-                Ok(())
             }
-            _ => Ok(()),
+            _ => {}
         }
+        Ok(())
+    }
+
+    /// Takes the next array in `data`, a part of a variable, by its `name`.
+    fn part(&mut self, data: &mut Bytes<'_>, name: &str, depth: usize) -> Result<(), String> {
+        let (_, value) = data.element()?;
+        if depth < MAX_DEPTH { self.variable(value, Some(name), depth + 1) } else { Ok(()) }
     }
 
     /// Takes the fields of `count` structures.
     fn structure(&mut self, mut data: Bytes<'_>, name: &str, count: usize, depth: usize) -> Result<(), String> {
-        let (_, length) = data.element()?;
-        let length = length.number(0)? as usize;
+        let (_, mut length) = data.element()?;
+        let length = length.word()? as usize;
         let (_, names) = data.element()?;
         if length == 0 {
             return Err(DAMAGED.into());
@@ -257,10 +243,7 @@ impl Contents {
         for index in 0..count.min(MAX_COLUMNS) {
             let place = if count > 1 { format!("{name}({})", index + 1) } else { name.to_owned() };
             for field in &fields {
-                let (_, value) = data.element()?;
-                if depth < MAX_DEPTH {
-                    self.variable(value, Some(&format!("{place}.{field}")), depth + 1)?;
-                }
+                self.part(&mut data, &format!("{place}.{field}"), depth)?;
             }
         }
         Ok(())
@@ -288,10 +271,10 @@ impl Contents {
                 let values = values.iter().skip(row).step_by(rows).copied().collect();
                 self.series.push(Series { name: format!("{name}({},:)", row + 1), values });
             }
-            return Ok(());
-        }
-        for (column, values) in values.chunks(rows).take(MAX_COLUMNS).enumerate() {
-            self.series.push(Series { name: format!("{name}(:,{})", column + 1), values: values.to_vec() });
+        } else {
+            for (column, values) in values.chunks(rows).take(MAX_COLUMNS).enumerate() {
+                self.series.push(Series { name: format!("{name}(:,{})", column + 1), values: values.to_vec() });
+            }
         }
         Ok(())
     }
@@ -336,12 +319,6 @@ impl<'a> Bytes<'a> {
         Ok((first, Self { bytes: data, little }))
     }
 
-    /// The unsigned word at `index`.
-    fn number(mut self, index: usize) -> Result<u32, String> {
-        self.cut(4 * index)?;
-        self.word()
-    }
-
     /// The numbers of an element of type `kind`.
     fn numbers(&self, kind: u32) -> Result<Vec<f64>, String> {
         macro_rules! read {
@@ -368,10 +345,6 @@ impl<'a> Bytes<'a> {
             element::UINT64 => read!(u64),
             _ => return Err(DAMAGED.into()),
         })
-    }
-
-    fn text(&self) -> String {
-        text(self.bytes)
     }
 }
 

@@ -47,6 +47,8 @@ mod units;
 mod words;
 mod workbook;
 
+use std::fmt;
+
 pub use choice::Choices;
 pub use chosen::By;
 pub use edit::{Blank, Edits};
@@ -81,6 +83,12 @@ crate::choice! {
     }
 }
 
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
 impl Quantity {
     /// As `--columns` names it.
     pub fn name(self) -> &'static str {
@@ -94,29 +102,22 @@ impl Quantity {
 
     /// Whether it is a number without a unit.
     fn is_bare(self) -> bool {
-        matches!(self, Self::Weight | Self::Temperature | Self::Stretch)
-    }
-
-    /// The unit of its values here, and one for an example.
-    fn units(self) -> (&'static str, &'static str) {
-        match self {
-            Self::Time => ("s", "s"),
-            Self::Voltage | Self::Command => ("V", "kV"),
-            Self::Force => ("N", "N"),
-            Self::Displacement => ("m", "mm"),
-            Self::Weight | Self::Temperature | Self::Stretch => ("", ""),
-            Self::Stress => ("Pa", "kPa"),
-        }
+        self.si_unit().is_empty()
     }
 
     /// The unit of its values here.
     pub fn si_unit(self) -> &'static str {
-        self.units().0
+        units::units_of(self.measure()).find(|unit| unit.factor == 1.0).map_or("", |unit| unit.name)
     }
 
     /// A unit for an example.
     fn example_unit(self) -> &'static str {
-        self.units().1
+        match self {
+            Self::Voltage | Self::Command => "kV",
+            Self::Displacement => "mm",
+            Self::Stress => "kPa",
+            _ => self.si_unit(),
+        }
     }
 
     /// The names that are expected first in a file of `request`.
@@ -187,14 +188,6 @@ impl Hints {
     }
 
     fn dialect(&self) -> text::Dialect<'_> {
-        text::Dialect {
-            decimal: self.decimal,
-            header_line: self.header_line,
-            segment: self.segment,
-            words: &self.words,
-            single: self.rate_hz.is_some(),
-            sheet: None,
-            by_number: self.choices.are_numbers(),
-        }
+        text::Dialect { hints: self, single: self.rate_hz.is_some(), sheet: None }
     }
 }

@@ -229,8 +229,7 @@ impl Title {
             Some((below, UnitSense::Missing | UnitSense::Other | UnitSense::Unread)) => below,
             Some((_, own)) => own,
         };
-        let known = if let UnitSense::Known(unit) = unit { Some(unit) } else { None };
-        let named = quantity_in(&base, known, request);
+        let named = quantity_in(&base, unit.known(), request);
         let is_clock = self.clock && named.is_none_or(|named| named == Quantity::Time);
         Sense {
             named,
@@ -283,11 +282,7 @@ pub(super) fn is_unit(end: &str) -> bool {
     let (outside, inside) = without_brackets(end);
     let unit = outside.trim().trim_start_matches(['_', '/', ',', ' ']);
     let unit = unit.strip_prefix("in ").unwrap_or(unit);
-    if unit.is_empty() {
-        !inside.is_empty()
-    } else {
-        matches!(sense_of(unit, true), UnitSense::Known(_)) && unit != end
-    }
+    if unit.is_empty() { !inside.is_empty() } else { sense_of(unit, true).known().is_some() && unit != end }
 }
 
 /// Whether the `name` of a column is that of a time.
@@ -298,8 +293,7 @@ pub(super) fn is_time(name: &str) -> bool {
 
 /// Whether a column of this `title` may be a time, by its words or its unit.
 pub(super) fn may_be_time(title: &Title) -> bool {
-    let has_unit = |sense: Sense| matches!(sense.unit, UnitSense::Known(unit) if unit.quantity == Quantity::Time);
-    is_time(&title.name) || has_unit(title.sense(&Request { wanted: &[], needed: &[] }, false))
+    is_time(&title.name) || title.sense(&Request { wanted: &[], needed: &[] }, false).unit.is_of(Quantity::Time)
 }
 
 /// Whether a column of this `title` is a reading, a setting or a result by its words or its unit, and not a name or a number of something.
@@ -320,12 +314,12 @@ pub fn unit_cell(text: &str, capitals: bool) -> UnitSense {
 
 fn sense_of(text: &str, capitals: bool) -> UnitSense {
     match units::read(text, capitals) {
-        units::Read::Unit(unit) => UnitSense::Known(unit),
-        units::Read::MilliOrMega => UnitSense::MilliOrMega,
+        Some(unit) => UnitSense::Known(unit),
+        None if units::is_milli_or_mega(text) => UnitSense::MilliOrMega,
         // A number without a unit.
-        units::Read::Other if matches!(text.trim(), "-" | "1") => UnitSense::Missing,
-        units::Read::Other if is_other_unit(text.trim()) => UnitSense::Other,
-        units::Read::Other => UnitSense::Unread,
+        None if matches!(text.trim(), "-" | "1") => UnitSense::Missing,
+        None if is_other_unit(text.trim()) => UnitSense::Other,
+        None => UnitSense::Unread,
     }
 }
 
@@ -335,6 +329,16 @@ pub(super) fn is_other_unit(text: &str) -> bool {
 }
 
 impl UnitSense {
+    /// The unit, if it is known here.
+    pub fn known(self) -> Option<Unit> {
+        if let Self::Known(unit) = self { Some(unit) } else { None }
+    }
+
+    /// Whether it is a unit of `quantity`.
+    pub fn is_of(self, quantity: Quantity) -> bool {
+        self.known().is_some_and(|unit| unit.quantity == quantity)
+    }
+
     /// Whether there is a text that is no unit of a recording's quantities.
     pub(super) fn is_nothing(self) -> bool {
         matches!(self, Self::Other | Self::Unread)
@@ -363,8 +367,7 @@ fn split(title: &str, request: &Request<'_>, capitals: bool) -> (String, UnitSen
                 return (name.into(), UnitSense::Other);
             }
             // `Channel V` and `Force N` end in a unit, a name of one word does not, and in `Laser_min` it is not minutes.
-            let known = if let UnitSense::Known(unit) = sense { Some(unit) } else { None };
-            let fits = match (sense, quantity_in(name, known, request)) {
+            let fits = match (sense, quantity_in(name, sense.known(), request)) {
                 (UnitSense::Known(unit), None) if matches!(separator, "/" | "_" | " ") => {
                     unit.quantity != Quantity::Time || is_numbered_time(name)
                 }
@@ -384,27 +387,16 @@ fn split(title: &str, request: &Request<'_>, capitals: bool) -> (String, UnitSen
     }
     // Text in brackets is a unit that recordings do not have, such as (°C) or (Hz): no remark holds it back.
     let unread = inside.iter().any(|text| sense_of(text, capitals) == UnitSense::Unread);
-    (
-        outside,
-        if inside.is_empty() {
-            UnitSense::Missing
-        } else if unread {
-            UnitSense::Unread
-        } else {
-            UnitSense::Other
-        },
-    )
+    let unit = if unread { UnitSense::Unread } else { UnitSense::Other };
+    (outside, if inside.is_empty() { UnitSense::Missing } else { unit })
 }
 
 /// Whether `unit` behind `name` and `separator` is the last part of another unit, as in `E kV/mm`, `Torque N m` and `Counts/mm`; the
 /// symbol of a quantity is in front of its own unit (`V/kV`), and s is a displacement as well (`s/mm`).
 fn is_compound(name: &str, separator: &str, unit: Unit) -> bool {
     let last = name.trim_end().rsplit([' ', '_', '/', '·', '*']).next().unwrap_or_default();
-    let is_unit = match units::read(last, false) {
-        units::Read::Unit(first) => first.quantity != Quantity::Time && letter_quantity(last) != Some(unit.quantity),
-        _ => false,
-    };
-    is_unit || (separator == "/" && is_other_unit(last))
+    let is_unit = |first: Unit| first.quantity != Quantity::Time && letter_quantity(last) != Some(unit.quantity);
+    units::read(last, false).is_some_and(is_unit) || (separator == "/" && is_other_unit(last))
 }
 
 /// Whether `name` has a word such as t, t2 or time1.
@@ -418,7 +410,7 @@ fn ends_in_factor(name: &str, unit: UnitSense) -> bool {
     let last = words.next().unwrap_or_default();
     let has_letters = last.contains(|c: char| c.is_alphabetic()) && last.parse::<f64>().is_err();
     let is_number = last.contains(|c: char| c.is_ascii_digit()) && !has_letters;
-    let is_time = matches!(unit, UnitSense::Known(unit) if unit.quantity == Quantity::Time);
+    let is_time = unit.is_of(Quantity::Time);
     let counts = |word: &str| matches!(word, "in" | "à" | "of" | "von" | "de");
     is_number && (is_time || last.chars().count() > 1 || words.next().is_some_and(counts))
 }

@@ -15,18 +15,12 @@ crate::choice! {
 impl Decimal {
     /// The sign itself.
     pub(super) fn sign(self) -> char {
-        match self {
-            Self::Point => '.',
-            Self::Comma => ',',
-        }
+        if self == Self::Point { '.' } else { ',' }
     }
 
     /// The other sign, which may separate thousands.
     pub fn other(self) -> Self {
-        match self {
-            Self::Point => Self::Comma,
-            Self::Comma => Self::Point,
-        }
+        if self == Self::Point { Self::Comma } else { Self::Point }
     }
 }
 
@@ -41,6 +35,15 @@ pub enum Cell<'a> {
     Number(f64),
     /// Anything else.
     Text(&'a str),
+    /// The row ends before it.
+    Ended,
+}
+
+impl Cell<'_> {
+    /// Its number.
+    pub fn number(self) -> Option<f64> {
+        if let Self::Number(number) = self { Some(number) } else { None }
+    }
 }
 
 /// Words of instruments and spreadsheets for a reading that is missing or out of range, in small letters and without a sign.
@@ -122,6 +125,16 @@ pub fn number(text: &str, decimal: Decimal) -> Option<f64> {
     format!("{sign}{whole}.{broken}{}", exponent.replace(['d', 'D'], "e")).parse().ok()
 }
 
+/// Whether the cell `text` is a number with one decimal sign or the other.
+pub fn is_number(text: &str) -> bool {
+    [Decimal::Point, Decimal::Comma].iter().any(|sign| cell(text, *sign).number().is_some())
+}
+
+/// The number `text` with a decimal point, or else with a decimal comma.
+pub fn with_either_sign(text: &str) -> Option<f64> {
+    number(text, Decimal::Point).or_else(|| number(text, Decimal::Comma))
+}
+
 /// Whether each of the first `values` is larger than the one before.
 pub fn increase(values: &[f64]) -> bool {
     const COUNT: usize = 200;
@@ -135,7 +148,8 @@ fn mantissa(digits: &str) -> &str {
     &digits[..end.unwrap_or(digits.len())]
 }
 
-fn all_digits(part: &str) -> bool {
+/// Whether there is nothing but digits in `part`, if anything.
+pub fn all_digits(part: &str) -> bool {
     part.bytes().all(|byte| byte.is_ascii_digit())
 }
 
@@ -184,8 +198,7 @@ impl Signs {
         }
         let digits = text.trim_start_matches(['+', '-', '\u{2212}', '\u{2013}']);
         let mantissa = mantissa(digits);
-        let is_number = || [Decimal::Point, Decimal::Comma].iter().any(|&sign| number(digits, sign).is_some());
-        if mantissa.is_empty() || !(plain.is_some() || is_number()) {
+        if mantissa.is_empty() || !(plain.is_some() || with_either_sign(digits).is_some()) {
             return;
         }
         let count = |sign: u8| mantissa.bytes().filter(|byte| *byte == sign).count();
@@ -232,10 +245,6 @@ impl Signs {
     }
 
     /// The decimal sign of a file with these signs; none where all of them may separate thousands.
-    ///
-    /// # Errors
-    ///
-    /// Why there is more than one.
     pub fn decimal(self) -> Result<Option<Decimal>, String> {
         const BOTH: &str = "numbers have decimal points and decimal commas in one file; export them with one of both, or say which it is with `decimal`";
         let points = self.points + self.thousands_commas;

@@ -1,8 +1,8 @@
 //! Columns of times beside the one that is used: of channels that were logged at times of their own.
 
 use super::names;
+use super::numbers::Cell;
 use super::reading::Reading;
-use super::source::Value;
 
 /// A column of times that is not used.
 struct Other {
@@ -28,12 +28,12 @@ pub fn remarks(reading: Reading<'_>) -> Vec<String> {
     let _ = source.each(&indices, |_, values| {
         for (other, value) in others.iter_mut().zip(&values[1..]) {
             match (values[0], value) {
-                (Value::Number(used), Value::Number(value)) => {
+                (Cell::Number(used), Cell::Number(value)) => {
                     let now = [*value, used];
                     let first = other.ends.map_or(now, |[first, _]| first);
                     other.ends = Some([first, now]);
                 }
-                (Value::Number(_), _) => other.missing += 1,
+                (Cell::Number(_), _) => other.missing += 1,
                 _ => {}
             }
         }
@@ -49,17 +49,12 @@ pub fn remarks(reading: Reading<'_>) -> Vec<String> {
         let shifted = is_same(span, used_span) && (is_same(first, used_first) || (first - used_first).abs() > span);
         other.missing > 0 || !(scaled || shifted)
     };
-    others
-        .iter()
-        .filter(is_another)
-        .map(|other| {
-            format!(
-                "the times in column {} {:?} are not those in column {} and are not used: what was logged at them would be at wrong times; \
-                 import it from a file of its own",
-                other.index + 1,
-                titles[other.index].name,
-                time.index + 1
-            )
-        })
-        .collect()
+    let remark = |other: &Other| {
+        let (number, name, time) = (other.index + 1, &titles[other.index].name, time.index + 1);
+        format!(
+            "the times in column {number} {name:?} are not those in column {time} and are not used: what was logged at them would be at wrong \
+             times; import it from a file of its own"
+        )
+    };
+    others.iter().filter(is_another).map(remark).collect()
 }

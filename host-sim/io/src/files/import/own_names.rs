@@ -5,10 +5,7 @@ use super::names::Title;
 use super::{Names, Quantity, Request, units};
 
 /// The columns that have the names of this tool, where they are all that is needed. No other column counts then.
-///
-/// # Errors
-///
-/// Two columns of one kind.
+/// Two columns of one kind are an error.
 pub fn own(titles: &[Title], request: &Request<'_>) -> Result<Option<Vec<Chosen>>, String> {
     let mut found: Vec<Chosen> = Vec::new();
     for (index, title) in titles.iter().enumerate().filter(|(_, title)| title.unit.is_none()) {
@@ -19,18 +16,12 @@ pub fn own(titles: &[Title], request: &Request<'_>) -> Result<Option<Vec<Chosen>
         if let Some(other) = found.iter().find(|column| column.quantity == quantity) {
             let (one, two) = (other.index + 1, index + 1);
             return Err(format!(
-                "columns {one} and {two} are both the {}, {:?} and {:?}; choose one with `columns` {}={one} or {}={two}",
-                quantity.name(),
-                titles[other.index].name,
-                title.name,
-                quantity.name(),
-                quantity.name()
+                "columns {one} and {two} are both the {quantity}, {:?} and {:?}; choose one with `columns` {quantity}={one} or \
+                 {quantity}={two}",
+                titles[other.index].name, title.name
             ));
         }
-        let factor = match units::read(unit, false) {
-            units::Read::Unit(unit) => unit.factor,
-            _ => 1.0,
-        };
+        let factor = units::read(unit, false).map_or(1.0, |unit| unit.factor);
         found.push(Chosen { quantity, index, unit: unit.into(), factor, by: By::OwnName });
     }
     let has = |quantity: &Quantity| found.iter().any(|column| column.quantity == *quantity);

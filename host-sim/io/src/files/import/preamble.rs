@@ -1,7 +1,7 @@
 //! Names, values and units in the rows of a preamble.
 
 use super::Quantity;
-use super::names::{UnitSense, unit_cell};
+use super::names::unit_cell;
 use super::units::Unit;
 
 /// Names of the unit of the intervals that have none.
@@ -36,10 +36,7 @@ pub fn common_unit(cells: &[String]) -> Option<Unit> {
 
 /// The unit of time that `text` is.
 pub fn time_unit(text: &str) -> Option<Unit> {
-    match unit_cell(text, false) {
-        UnitSense::Known(unit) if unit.quantity == Quantity::Time => Some(unit),
-        _ => None,
-    }
+    unit_cell(text, false).known().filter(|unit| unit.quantity == Quantity::Time)
 }
 
 /// Hertz of a unit of rates.

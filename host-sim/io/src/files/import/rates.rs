@@ -3,8 +3,8 @@
 use super::RepeatedTimes;
 use super::names::Title;
 use super::reading::Reading;
-use super::source::Value;
 use super::words::is_of;
+use crate::grid::usual_step;
 use crate::terminal::rounded;
 
 /// Words for numbers of rows.
@@ -44,24 +44,19 @@ pub fn refuse_repeated(reading: Reading<'_>, clock_s: &[f64], meaning: RepeatedT
 /// Remarks on the times of the rows, s: on their rate, on that which the lines above them state, and on rows that are numbered and not all there.
 pub fn remarks(reading: Reading<'_>, clock_s: &[f64]) -> Vec<String> {
     let mut notes: Vec<String> = row_apart(clock_s).into_iter().collect();
-    let mut steps_s: Vec<f64> = clock_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    steps_s.sort_by(f64::total_cmp);
-    let Some(&step_s) = steps_s.get(steps_s.len() / 2) else { return notes };
+    let Some(step_s) = usual_step(clock_s) else { return notes };
     let rate = rounded(1.0 / step_s);
     if clock_s.len() >= MIN_ROWS && !USUAL_HZ.contains(&(1.0 / step_s)) {
         notes.push(format!("the rows are at {rate} Hz, which is unusual: are the times in another unit?"));
     }
     let stated = reading.source.head().and_then(|head| head.interval.as_ref()?.as_ref().ok());
-    let has_times = reading.time().is_some();
-    match stated {
-        Some(stated_s) if has_times && (step_s / stated_s - 1.0).abs() > 0.02 => {
-            let stated = rounded(1.0 / stated_s);
-            notes.push(format!(
-                "the times have rows at {rate} Hz, the lines above them state {stated} Hz: one may be in another unit"
-            ));
-        }
-        _ if !has_times => notes.extend(numbered(reading, step_s)),
-        _ => {}
+    if reading.time().is_none() {
+        notes.extend(numbered(reading, step_s));
+    } else if let Some(stated_s) = stated.filter(|stated_s| (step_s / *stated_s - 1.0).abs() > 0.02) {
+        let stated = rounded(1.0 / stated_s);
+        notes.push(format!(
+            "the times have rows at {rate} Hz, the lines above them state {stated} Hz: one may be in another unit"
+        ));
     }
     notes
 }
@@ -74,7 +69,7 @@ fn numbered(reading: Reading<'_>, step_s: f64) -> Option<String> {
     let (mut last, mut jump, mut is_count) = (None, None, true);
     // The rows were read before.
     let _ = source.each(&[index], |line, values| {
-        let number = if let Value::Number(number) = values[0] { Some(number) } else { None };
+        let number = values[0].number();
         is_count &= number.is_some_and(|number| number.fract() == 0.0 && last.is_none_or(|last| number > last));
         if let (Some(number), Some(last)) = (number, last)
             && number - last != 1.0

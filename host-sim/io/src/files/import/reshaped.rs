@@ -2,10 +2,10 @@
 
 use std::borrow::Cow;
 
+use super::Hints;
 use super::lines::{Line, MAX_LINE, is_comment, lines};
 use super::separator::Separator;
 use super::shape::Kind;
-use super::text::Dialect;
 
 /// `text` with each cell in quotes on one line, as spreadsheets wrap long names. The lines below keep their numbers.
 pub fn unwrapped(text: &str) -> Cow<'_, str> {
@@ -44,7 +44,8 @@ pub fn unwrapped(text: &str) -> Cow<'_, str> {
 /// The same table as `text` with rows for columns, if its last lines are a name and numbers each, and one of the names `is_time`.
 pub fn transposed(text: &str, is_time: impl Fn(&str) -> bool) -> Option<String> {
     let lines: Vec<Line<'_>> = lines(text, 1).filter(|line| !is_comment(line.text)).collect();
-    let dialect = Dialect::default();
+    let hints = Hints::default();
+    let dialect = hints.dialect();
     for separator in Separator::ALL {
         let length = lines.last().map_or(0, |line| separator.split(line.text).len());
         if length < 4 {

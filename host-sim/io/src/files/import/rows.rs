@@ -1,6 +1,7 @@
 //! Changes to rows that a person asks for: times that a slow timer repeats, and a drive that was logged more slowly than the sensor.
 
 use super::{Quantity, Series};
+use crate::grid::runs;
 
 crate::choice! {
     /// Meaning of rows of one time.
@@ -25,10 +26,7 @@ crate::choice! {
 impl Series {
     /// Gives rows of one time times of their own, or makes one row of them.
     pub(super) fn without_repeated_times(&mut self, meaning: RepeatedTimes) {
-        let mut starts: Vec<usize> =
-            (0..self.clock_s.len()).filter(|&k| k == 0 || self.clock_s[k] != self.clock_s[k - 1]).collect();
-        starts.push(self.clock_s.len());
-        let runs: Vec<(usize, usize)> = starts.windows(2).map(|run| (run[0], run[1])).collect();
+        let runs = runs(&self.clock_s);
         match meaning {
             RepeatedTimes::Mean => {
                 let mean = |values: &mut dyn Iterator<Item = f64>| {

@@ -43,11 +43,8 @@ impl Separator {
     /// The first separator or quote in `text`.
     fn find(self, text: &[u8]) -> Option<usize> {
         match self {
-            Self::Tab => memchr2(b'\t', b'"', text),
-            Self::Semicolon => memchr2(b';', b'"', text),
-            Self::Comma => memchr2(b',', b'"', text),
-            Self::Bar => memchr2(b'|', b'"', text),
             Self::Blanks => memchr3(b' ', b'\t', b'"', text),
+            _ => memchr2(self.sign().as_bytes()[0], b'"', text),
         }
     }
 

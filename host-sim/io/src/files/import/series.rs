@@ -68,18 +68,13 @@ impl Understood {
 
     /// Name of the first column that may be a temperature, where none is used.
     pub fn unused_temperature(&self) -> Option<&str> {
-        let is_used = self.columns.iter().any(|column| column.quantity == Quantity::Temperature);
+        let is_used = self.column(Quantity::Temperature).is_some();
         self.ignored.iter().map(String::as_str).find(|name| !is_used && names::is_temperature(name))
     }
 
-    /// From the numbers of the file to SI, for `quantity`.
-    pub fn factor(&self, quantity: Quantity) -> Option<f64> {
-        self.columns.iter().find(|column| column.quantity == quantity).map(|column| column.factor)
-    }
-
-    /// Number of the column of `quantity`, from one; 0 if it is missing.
-    pub fn number(&self, quantity: Quantity) -> usize {
-        self.columns.iter().find(|column| column.quantity == quantity).map_or(0, |column| column.column)
+    /// The column of `quantity`, if one is used.
+    pub fn column(&self, quantity: Quantity) -> Option<&UnderstoodColumn> {
+        self.columns.iter().find(|column| column.quantity == quantity)
     }
 
     /// One line: `time = "Zeit [s]" (s), …`.
@@ -91,7 +86,7 @@ impl Understood {
                 (unit, By::Preamble) => format!("{unit}, by the preamble"),
                 (unit, _) => unit.to_owned(),
             };
-            format!("{} = {:?} ({unit})", column.quantity.name(), column.name)
+            format!("{} = {:?} ({unit})", column.quantity, column.name)
         };
         let columns: Vec<String> = self.columns.iter().map(column).collect();
         format!("{}: {}: {}", self.file, self.format, columns.join(", "))

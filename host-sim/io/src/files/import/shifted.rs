@@ -4,7 +4,7 @@ use super::chosen::Chosen;
 use super::clock;
 use super::lines::{Fault, Line, Row};
 use super::names::{self, Title};
-use super::numbers::{self, Decimal};
+use super::numbers::{self, Decimal, all_digits};
 use super::separator::Separator;
 
 pub const SHIFTED: &str =
@@ -44,15 +44,14 @@ pub fn refuse_counted(rows: &[Line<'_>], separator: Separator) -> Result<(), Fau
         cells.len() > 1 && first.is_some_and(|first| first < 2) && cells.iter().enumerate().all(is_next)
     };
     match rows {
-        [first, second, ..] if counts(first) && !counts(second) => Err((
-            first.number,
-            format!(
-                "{:?} may be the numbers of the columns or the first sample; if they are names, state `header_line` {}, otherwise write \
-                 names above them",
-                first.text.trim(),
-                first.number
-            ),
-        )),
+        [first, second, ..] if counts(first) && !counts(second) => {
+            let (text, number) = (first.text.trim(), first.number);
+            let cause = format!(
+                "{text:?} may be the numbers of the columns or the first sample; if they are names, state `header_line` {number}, otherwise \
+                 write names above them"
+            );
+            Err((number, cause))
+        }
         _ => Ok(()),
     }
 }
@@ -69,16 +68,12 @@ pub fn refuse_other_separator(lines: &[Line<'_>], names: u64, first: u64, separa
             cells.len() > 1 && cells.iter().all(is_number)
         };
         if let Some(row) = above().find(is_row).filter(|_| above().filter(is_row).count() >= MIN_ROWS) {
-            return Err((
-                first,
-                format!(
-                    "{} separate the cells from here on, and {} those of the rows of numbers from line {} on; write all rows with one \
-                     separator, or remove the lines that are no rows",
-                    separator.name(),
-                    other.name(),
-                    row.number
-                ),
-            ));
+            let (name, other, line) = (separator.name(), other.name(), row.number);
+            let cause = format!(
+                "{name} separate the cells from here on, and {other} those of the rows of numbers from line {line} on; write all rows with one \
+                 separator, or remove the lines that are no rows"
+            );
+            return Err((first, cause));
         }
     }
     Ok(())
@@ -94,8 +89,7 @@ pub fn fewer_cells(cells: usize, columns: usize) -> String {
 
 /// The line and the cause where a comma may be a decimal sign as well as a separator: a cell that is read begins with a zero.
 pub fn by_fraction<'a>(mut rows: impl Iterator<Item = Row<'a>>, is_read: impl Fn(usize) -> bool) -> Option<Fault> {
-    let is_fraction =
-        |cell: &str| cell.len() > 1 && cell.starts_with('0') && cell.bytes().all(|byte| byte.is_ascii_digit());
+    let is_fraction = |cell: &str| cell.len() > 1 && cell.starts_with('0') && all_digits(cell);
     rows.find_map(|(line, cells)| {
         let cell = cells.iter().enumerate().find(|(index, cell)| is_read(*index) && is_fraction(cell))?.1;
         let cause = format!(
@@ -157,15 +151,14 @@ pub fn by_thousands<'a>(mut rows: impl Iterator<Item = Row<'a>> + Clone) -> Opti
 
 /// Whether two cells may be one number whose thousands a comma separates: 1 and 036.5.
 fn is_group(first: &str, second: &str) -> bool {
-    let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
     let digits = first.trim_start_matches(['+', '-']);
     let (whole, broken) = second.split_once('.').unwrap_or((second, ""));
     (1..=3).contains(&digits.len())
-        && is_digits(digits)
+        && all_digits(digits)
         && !digits.starts_with('0')
         && whole.len() == 3
-        && is_digits(whole)
-        && is_digits(broken)
+        && all_digits(whole)
+        && all_digits(broken)
 }
 
 /// The line and the cause where the first column counts the rows, the second may be the times, and the last has no name: the names may
@@ -202,7 +195,7 @@ pub fn by_milliseconds<'a>(
     let is_part = names::may_be_time(titles.get(time + 1)?);
     let may_shift = |(_, cells): Row<'_>| {
         let is_whole = cells.get(time).and_then(|cell| clock::stamp(cell)).is_some_and(|stamp| stamp.is_whole());
-        let has_digits = |cell: &&str| cell.len() == DIGITS && cell.bytes().all(|byte| byte.is_ascii_digit());
+        let has_digits = |cell: &&str| cell.len() == DIGITS && all_digits(cell);
         is_whole && cells.get(time + 1).is_some_and(has_digits) && cells.get(end).is_some_and(|c| numbers::is_plain(c))
     };
     let (line, cells) = rows.clone().next()?;

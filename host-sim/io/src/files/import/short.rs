@@ -7,10 +7,6 @@ use super::numbers::{self, Decimal};
 
 /// Refuses rows of fewer cells than most have, and most rows where what they have at their end is of a later column. Rows that end before
 /// the column `last` that is used are another fault. Where `columns` behind the end of a row have no numbers, it lacks a remark.
-///
-/// # Errors
-///
-/// The line of a row, and what to do.
 pub fn refuse<'a>(
     rows: impl Iterator<Item = Row<'a>> + Clone,
     columns: usize,

@@ -6,8 +6,9 @@ use super::Quantity;
 use super::clock;
 use super::lines::Fault;
 use super::names::{self, Title};
+use super::numbers::Cell;
 use super::reading::Reading;
-use super::source::{Source, Value};
+use super::source::Source;
 
 /// Most films or sensors of a file.
 const MAX_SOURCES: usize = 64;
@@ -19,6 +20,7 @@ const MAX_ROWS_OF_ONE: usize = 3;
 const MIN_CLOSER: f64 = 2.0;
 
 /// A column that may name what its row is of, and the readings of each name.
+#[derive(Default)]
 struct Sources {
     index: usize,
     may_number: bool,
@@ -37,26 +39,17 @@ struct Sources {
 
 impl Sources {
     fn new(index: usize, title: &Title, used: usize) -> Self {
-        Self {
-            index,
-            may_number: !title.name.is_empty() && !title.increases && !names::may_be_read(title),
-            before: None,
-            rows: 0,
-            changes: 0,
-            line: 0,
-            by_one: true,
-            last: BTreeMap::new(),
-            across: vec![0.0; used],
-            within: vec![0.0; used],
-        }
+        let may_number = !title.name.is_empty() && !title.increases && !names::may_be_read(title);
+        let distances = vec![0.0; used];
+        Self { index, may_number, by_one: true, across: distances.clone(), within: distances, ..Self::default() }
     }
 
     /// Takes a row. Returns whether the column may still name sources.
-    fn take(&mut self, line: u64, value: Value<'_>, readings: &[Option<f64>]) -> bool {
+    fn take(&mut self, line: u64, value: Cell<'_>, readings: &[Option<f64>]) -> bool {
         let name = match value {
-            Value::Text(text) if clock::stamp(text).is_none() => text.to_owned(),
-            Value::Number(number) if self.may_number && number.fract() == 0.0 => number.to_string(),
-            Value::Number(_) | Value::Text(_) => return false,
+            Cell::Text(text) if clock::stamp(text).is_none() => text.to_owned(),
+            Cell::Number(number) if self.may_number && number.fract() == 0.0 => number.to_string(),
+            Cell::Number(_) | Cell::Text(_) => return false,
             _ => return true,
         };
         self.rows += 1;
@@ -91,10 +84,6 @@ impl Sources {
 }
 
 /// Refuses a column that is not read whose names alternate from row to row where one that is read alternates with them.
-///
-/// # Errors
-///
-/// The column, two of its names and what to do.
 pub fn refuse(reading: Reading<'_>) -> Result<(), Fault> {
     let Reading { source, chosen, titles } = reading;
     let used: Vec<usize> =
@@ -110,20 +99,16 @@ pub fn refuse(reading: Reading<'_>) -> Result<(), Fault> {
     let indices: Vec<usize> = columns.iter().map(|(_, column)| column.index).chain(used).collect();
     // A row that cannot be read is found later; without columns the rest of the rows says nothing.
     let _ = source.each(&indices, |line, values| {
-        let number = |value: &Value<'_>| if let Value::Number(number) = value { Some(*number) } else { None };
-        let readings: Vec<Option<f64>> = values[count..].iter().map(number).collect();
+        let readings: Vec<Option<f64>> = values[count..].iter().map(|cell| cell.number()).collect();
         columns.retain_mut(|(place, column)| column.take(line, values[*place], &readings));
         if columns.is_empty() { Err(String::new()) } else { Ok(()) }
     });
     let Some((_, found)) = columns.iter().find(|(_, column)| column.are_several()) else { return Ok(()) };
     let shown: Vec<String> = found.last.keys().take(2).map(|name| format!("{name:?}")).collect();
-    Err((
-        found.line,
-        format!(
-            "{:?} alternates ({}) and the readings with it: the rows may be of several films, sensors or kinds, or of one; write each as a file or \
-             columns of its own, or remove this column if all rows are of one film",
-            titles[found.index].name,
-            shown.join(", ")
-        ),
-    ))
+    let (name, shown) = (&titles[found.index].name, shown.join(", "));
+    let cause = format!(
+        "{name:?} alternates ({shown}) and the readings with it: the rows may be of several films, sensors or kinds, or of one; write each as a \
+         file or columns of its own, or remove this column if all rows are of one film"
+    );
+    Err((found.line, cause))
 }

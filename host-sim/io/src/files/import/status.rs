@@ -1,8 +1,9 @@
 //! Columns that say of a few rows that something was wrong, or that the gain of an instrument changed.
 
+use super::numbers::Cell;
 use super::reading::Reading;
-use super::source::{Source, Value};
-use super::words::is_of;
+use super::source::Source;
+use super::words::has_word;
 
 /// Words for what is wrong, and beginnings of them of four letters and more.
 const FAULTS: &str = "err bad nok ng fail fault invalid alarm overrange overflow overload overld ovld saturat timeout lost questionable uncertain \
@@ -50,11 +51,11 @@ struct Found {
 }
 
 impl Found {
-    fn see(&mut self, line: u64, value: Value<'_>) {
+    fn see(&mut self, line: u64, value: Cell<'_>) {
         let begin = |text: &str| text.trim().chars().take(40).collect::<String>();
         let fault = match value {
-            Value::Text(text) if is_fault(text) => Some(format!("{:?}", begin(text))),
-            Value::OutOfRange => Some("an error".into()),
+            Cell::Text(text) if is_fault(text) => Some(format!("{:?}", begin(text))),
+            Cell::OutOfRange => Some("an error".into()),
             _ => None,
         };
         if let Some(fault) = fault {
@@ -63,8 +64,8 @@ impl Found {
             return;
         }
         let shown = match value {
-            Value::Text(text) if self.is_gain => begin(text),
-            Value::Number(number) if self.is_gain => number.to_string(),
+            Cell::Text(text) if self.is_gain => begin(text),
+            Cell::Number(number) if self.is_gain => number.to_string(),
             _ => return,
         };
         if self.last.as_ref() != Some(&shown)
@@ -93,8 +94,7 @@ impl Found {
 }
 
 fn is_gain(name: &str) -> bool {
-    let lower = name.to_lowercase();
-    lower.split(|c: char| !c.is_alphanumeric()).any(|word| is_of(GAINS, word))
+    has_word(GAINS, name)
 }
 
 fn is_fault(text: &str) -> bool {

@@ -1,5 +1,6 @@
 //! Text with rows of numbers: what separates them, where they begin, and the lines above.
 
+use super::Hints;
 use super::beginnings;
 use super::clock;
 use super::cut_off;
@@ -27,8 +28,8 @@ pub struct TextTable<'a> {
     pub ambiguous: Vec<bool>,
     /// Lines below the rows that are not numbers, and the first of them.
     pub footer: Option<(usize, &'a str)>,
-    /// Whether the end of the last row is missing; it is left out.
-    is_cut_off: bool,
+    /// The last row if its end is missing; it is left out.
+    pub cut_off: Option<&'a str>,
     /// Whether the ends of rows may be missing, as in a spreadsheet.
     pub sheet: bool,
     /// Number of columns.
@@ -40,39 +41,27 @@ pub struct TextTable<'a> {
 }
 
 /// Properties of a text that are known before it is read.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Dialect<'a> {
-    /// The decimal sign.
-    pub decimal: Option<Decimal>,
-    /// Line of the names.
-    pub header_line: Option<u64>,
-    /// Which run of rows is read, from one.
-    pub segment: Option<usize>,
-    /// Words for a reading that is missing.
-    pub words: &'a [String],
+    /// Options of the user.
+    pub hints: &'a Hints,
     /// Whether a single column is a table: its times follow from a rate.
     pub single: bool,
     /// For the text of a spreadsheet, with tabs and decimal points: which of its columns have texts that can be read in two ways.
     pub sheet: Option<&'a [bool]>,
-    /// Whether the columns are known by their numbers, so that names do not matter.
-    pub by_number: bool,
 }
 
 impl Dialect<'_> {
     /// The kind of a cell.
     pub fn kind(&self, cell: &str) -> Kind {
-        let is_number = |cell: &str| {
-            [Decimal::Point, Decimal::Comma]
-                .iter()
-                .any(|d| matches!(numbers::cell(cell, *d), Cell::Number(_) | Cell::OutOfRange))
-        };
+        let is_number = |sign: &Decimal| matches!(numbers::cell(cell, *sign), Cell::Number(_) | Cell::OutOfRange);
         if numbers::is_plain(cell) {
             return Kind::Number;
         }
         match numbers::cell(cell, Decimal::Point) {
             Cell::Nothing => Kind::Nothing,
-            _ if is_number(cell) || clock::is_clock(cell) => Kind::Number,
-            _ if self.words.iter().any(|word| word == cell) => Kind::Nothing,
+            _ if [Decimal::Point, Decimal::Comma].iter().any(is_number) || clock::is_clock(cell) => Kind::Number,
+            _ if self.hints.words.iter().any(|word| word == cell) => Kind::Nothing,
             _ => Kind::Text,
         }
     }
@@ -83,10 +72,6 @@ const FIRST: usize = 200;
 
 impl<'a> TextTable<'a> {
     /// The rows in a `text` whose first line has the names: the dialect of this tool, with commas and decimal points.
-    ///
-    /// # Errors
-    ///
-    /// Line and cause where the names cannot be read.
     pub fn below_names(text: &'a str) -> Result<Self, Fault> {
         let mut rows = lines(text, 1).filter(|line| !is_comment(line.text));
         let end = || Line { number: lines(text, 1).last().map_or(1, |line| line.number + 1), text: "", rest: "" };
@@ -94,9 +79,8 @@ impl<'a> TextTable<'a> {
         let titles: Vec<Title> = header.cells(Separator::Comma)?.into_iter().map(Title::new).collect();
         let first = rows.next().unwrap_or_else(end);
         let head = Head { line: header.number, titles, ..Head::default() };
-        let is_cut_off = cut_off::is_cut_off(first.rest, Separator::Comma, Decimal::Point);
         Ok(Self {
-            is_cut_off,
+            cut_off: cut_off::row(first.rest, Separator::Comma, Decimal::Point),
             columns: head.titles.len(),
             head,
             separator: Separator::Comma,
@@ -110,10 +94,7 @@ impl<'a> TextTable<'a> {
     }
 
     /// Finds the rows of numbers in `text`.
-    ///
-    /// # Errors
-    ///
-    /// Line (0 for the whole file) and cause if they are missing, or can be read in two ways.
+    /// Fails where they are missing, or can be read in two ways.
     pub fn find(text: &'a str, dialect: &Dialect<'_>) -> Result<Self, Fault> {
         let lines: Vec<Line<'_>> = lines(text, 1).collect();
         let mut found: Vec<Self> = Vec::new();
@@ -124,7 +105,7 @@ impl<'a> TextTable<'a> {
                 break;
             }
             // A single column has no separator.
-            if !(dialect.single && dialect.decimal == Some(Decimal::Comma) && separator == Separator::Comma) {
+            if !(dialect.single && dialect.hints.decimal == Some(Decimal::Comma) && separator == Separator::Comma) {
                 found.extend(Self::with(&lines, separator, dialect, 2)?);
             }
         }
@@ -144,7 +125,12 @@ impl<'a> TextTable<'a> {
         }
         match found.as_slice() {
             [one] => {
-                refuse_other_separator(&lines, dialect.header_line.unwrap_or(0), one.first.number, one.separator)?;
+                refuse_other_separator(
+                    &lines,
+                    dialect.hints.header_line.unwrap_or(0),
+                    one.first.number,
+                    one.separator,
+                )?;
                 Ok(one.clone())
             }
             [first, second, ..] => {
@@ -170,7 +156,7 @@ impl<'a> TextTable<'a> {
             separator.split(row.text).into_iter().map(|cell| dialect.kind(cell)).collect()
         };
         let Some(shape) = Shape::of_most(rows.len(), |row| kinds(&rows[row]), fewest) else { return Ok(None) };
-        let below = dialect.header_line.unwrap_or(0);
+        let below = dialect.hints.header_line.unwrap_or(0);
         // Three rows of numbers: a preamble may have one of its own. A fault in the second or third row does not concern the header.
         let begins = |k: &usize| {
             rows[*k].number > below
@@ -182,10 +168,8 @@ impl<'a> TextTable<'a> {
             below == 0 && !rows.is_empty() && rows.iter().take(3).all(|row| shape.may_have_settings(&kinds(row)));
         let first = if begins_at_once { Some(0) } else { (0..rows.len()).find(begins) };
         let Some(first) = first else { return Ok(None) };
-        if sample(&rows[first..])
-            .iter()
-            .any(|line| separator.split(line.text).iter().any(|cell| hides_numbers(cell, separator)))
-        {
+        let hides = |line: &Line<'_>| separator.split(line.text).iter().any(|cell| hides_numbers(cell, separator));
+        if sample(&rows[first..]).iter().any(hides) {
             return Ok(None);
         }
         let data_line = rows[first].number;
@@ -198,11 +182,12 @@ impl<'a> TextTable<'a> {
         let mut above: Vec<TopRow> = rows[..first].iter().map(|line| top(line, false)).collect();
         above.extend(comments.iter().filter(|line| line.number < data_line).map(|line| top(line, true)));
         above.sort_by_key(|row| row.line);
-        let mut head = header::find(&above, columns, dialect.header_line)?;
+        let mut head = header::find(&above, columns, dialect.hints.header_line)?;
         if is_of_r(&head, &rows[first], columns, separator) {
             head.titles.insert(0, Title::default());
         }
-        if dialect.by_number {
+        // Columns that are known by their numbers need no names.
+        if dialect.hints.choices.are_numbers() {
             head.titles.resize(head.titles.len().max(columns), Title::default());
         }
         if head.titles.iter().all(|title| title.name.is_empty()) {
@@ -218,12 +203,12 @@ impl<'a> TextTable<'a> {
         for line in &rows[first..] {
             signs.iter_mut().zip(separator.split(line.text)).for_each(|(signs, cell)| signs.count(cell));
         }
-        let known = if dialect.sheet.is_some() { Some(Decimal::Point) } else { dialect.decimal };
+        let known = if dialect.sheet.is_some() { Some(Decimal::Point) } else { dialect.hints.decimal };
         let all = signs.iter().fold(Signs::default(), |all, column| all.and(*column));
         let shifted = |cause| (data_line, if separator == Separator::Comma { SHIFTED.into() } else { cause });
         let decimal = known.map_or_else(|| all.decimal().map_err(shifted), |known| Ok(Some(known)))?;
         let is_ambiguous = |(k, column): (usize, &Signs)| match dialect.sheet {
-            _ if dialect.decimal.is_some() => false,
+            _ if dialect.hints.decimal.is_some() => false,
             Some(texts) => texts.get(k) == Some(&true),
             None => column.is_ambiguous(decimal),
         };
@@ -234,7 +219,7 @@ impl<'a> TextTable<'a> {
             decimal: decimal.unwrap_or(Decimal::Point),
             ambiguous,
             footer: None,
-            is_cut_off: false,
+            cut_off: None,
             sheet: dialect.sheet.is_some(),
             columns,
             first: rows[first],
@@ -246,7 +231,7 @@ impl<'a> TextTable<'a> {
             cells.len() == columns && columns > 1 && cells.iter().all(|cell| dialect.kind(cell) == Kind::Text)
         };
         let faults = table.cut(&rows[first..], lines, is_remark, is_header, &|line| top(line, false));
-        if let Some(wanted) = dialect.segment {
+        if let Some(wanted) = dialect.hints.segment {
             table.segments = table.runs();
             let found = table.segments.len();
             let segment = wanted.checked_sub(1).and_then(|index| table.segments.get(index));
@@ -256,7 +241,7 @@ impl<'a> TextTable<'a> {
             && table.footer.is_none()
             && !table.sheet
         {
-            table.is_cut_off = cut_off::is_cut_off(last, separator, table.decimal);
+            table.cut_off = cut_off::row(last, separator, table.decimal);
         }
         let is_name = |row: &&TopRow| row.line == table.head.line;
         let above: Vec<(u64, &[String])> =
@@ -345,7 +330,7 @@ impl<'a> TextTable<'a> {
             |(line, cells): Row<'a>| cells.into_iter().zip(0..self.columns).map(move |(cell, k)| (line, k, cell));
         for (line, index, cell) in self.rows().flatten().flat_map(cells) {
             let is_short = cell.starts_with(|c: char| c.is_alphabetic()) && cell.chars().count() < 4;
-            let Some(units::Read::Unit(unit)) = is_short.then(|| units::read(cell, false)) else { continue };
+            let Some(unit) = is_short.then(|| units::read(cell, false)).flatten() else { continue };
             let before = *first[index].get_or_insert(unit);
             if before != unit && before.quantity == unit.quantity {
                 return Some((line, [before.name, unit.name]));
@@ -361,11 +346,6 @@ impl<'a> TextTable<'a> {
         titles
     }
 
-    /// First lines of the runs of rows.
-    pub fn starts(&self) -> Vec<u64> {
-        self.segments.iter().map(|(line, _)| *line).collect()
-    }
-
     /// First line and text of the runs of rows: below repeated headers, or else behind empty lines and where their numbers begin again.
     pub fn runs(&self) -> Vec<(u64, &'a str)> {
         match self.segments.as_slice() {
@@ -374,16 +354,10 @@ impl<'a> TextTable<'a> {
         }
     }
 
-    /// The last row if its end is missing.
-    pub fn cut_off(&self) -> Option<&'a str> {
-        let (_, last) = self.segments.last().filter(|_| self.is_cut_off)?;
-        cut_off::last_row(last)
-    }
-
     /// Line and cells of every row, or line and cause where it cannot be used.
     pub fn rows(&self) -> impl Iterator<Item = Result<Row<'a>, Fault>> + Clone {
         let all = self.segments.iter().flat_map(|(first, text)| lines(text, *first));
-        let cut_off = self.cut_off();
+        let cut_off = self.cut_off;
         let is_whole = move |line: &Line<'_>| cut_off.is_none_or(|cut_off| !std::ptr::eq(line.text, cut_off));
         all.filter(move |line| !is_comment(line.text) && is_whole(line)).map(|line| {
             let cells = line.cells(self.separator)?;
@@ -408,16 +382,12 @@ fn sample<'a>(rows: &[Line<'a>]) -> Vec<Line<'a>> {
 /// Whether `cell` is several numbers that another separator separates: then `separator` is not the file's. Blanks may group the digits of
 /// one number, but commas separate two.
 fn hides_numbers(cell: &str, separator: Separator) -> bool {
-    let is_one = |decimal: &Decimal| numbers::number(cell, *decimal).is_some();
-    if separator != Separator::Comma && [Decimal::Point, Decimal::Comma].iter().any(is_one) {
+    if separator != Separator::Comma && numbers::with_either_sign(cell).is_some() {
         return false;
     }
     Separator::ALL.iter().filter(|other| **other != separator && **other != Separator::Comma).any(|other| {
         let parts = other.split(cell);
-        let is_number = |part: &&str| {
-            [Decimal::Point, Decimal::Comma].iter().any(|d| matches!(numbers::cell(part, *d), Cell::Number(_)))
-        };
-        parts.len() > 1 && parts.iter().all(is_number)
+        parts.len() > 1 && parts.iter().all(|part| numbers::is_number(part))
     })
 }
 
@@ -472,7 +442,7 @@ fn with_units(cells: &[&str]) -> Vec<String> {
 fn is_of_r(head: &Head, row: &Line<'_>, columns: usize, separator: Separator) -> bool {
     let number = row.text.strip_prefix('"').and_then(|rest| rest.split('"').next());
     columns == head.titles.len() + 1
-        && number.is_some_and(|number| number.bytes().all(|byte| byte.is_ascii_digit()))
+        && number.is_some_and(numbers::all_digits)
         && row.text.matches('"').count() == 2
         && separator.split(row.text).len() == columns
 }

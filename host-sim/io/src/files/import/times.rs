@@ -2,8 +2,10 @@
 
 use super::Quantity;
 use super::clock::{self, Clock, Digits};
-use super::source::{Value, si};
+use super::numbers::Cell;
+use super::source::si;
 use super::units::{self, Unit};
+use crate::grid::usual_step;
 
 /// Latest time since 1970 or a later beginning, s.
 const MAX_TIME_S: f64 = 1e11;
@@ -20,6 +22,7 @@ pub enum Origin {
 }
 
 /// The times of rows as they are read.
+#[derive(Default)]
 pub struct Times {
     /// Interval of the rows where the file or a person states it, s.
     interval_s: Option<f64>,
@@ -37,15 +40,7 @@ pub struct Times {
 impl Times {
     /// No rows yet, of runs that begin in the lines `starts`.
     pub fn new(interval_s: Option<f64>, may_repeat: bool, starts: Vec<u64>) -> Self {
-        Self {
-            interval_s,
-            may_repeat,
-            starts,
-            clock: Clock::default(),
-            digits: Digits::default(),
-            clock_s: Vec::new(),
-            counted: 0,
-        }
+        Self { interval_s, may_repeat, starts, ..Self::default() }
     }
 
     /// Takes a row without a time.
@@ -54,25 +49,15 @@ impl Times {
     }
 
     /// Takes the time of the row in `line`, in the column `name`; a time of day with the fraction of its second.
-    ///
-    /// # Errors
-    ///
-    /// Why it is not a time, or does not follow that of the row before.
-    pub fn push(
-        &mut self,
-        line: u64,
-        name: &str,
-        value: Value<'_>,
-        factor: f64,
-        fraction_s: f64,
-    ) -> Result<(), String> {
+    /// It must follow that of the row before.
+    pub fn push(&mut self, line: u64, name: &str, value: Cell<'_>, factor: f64, fraction_s: f64) -> Result<(), String> {
         let now = match value {
             // An empty column where the preamble states the interval.
-            Value::Nothing if self.interval_s.is_some() && self.clock_s.is_empty() => {
+            Cell::Nothing if self.interval_s.is_some() && self.clock_s.is_empty() => {
                 self.count();
                 return Ok(());
             }
-            Value::Text(text) => match clock::stamp(text) {
+            Cell::Text(text) => match clock::stamp(text) {
                 Some(stamp) => {
                     self.digits.take(text);
                     Some(self.clock.seconds(stamp)? + fraction_s)
@@ -126,10 +111,6 @@ impl Times {
 
     /// The times, s, and the unit of their column (its number and name) if the preamble states their interval instead. `runs` counts the
     /// runs of rows.
-    ///
-    /// # Errors
-    ///
-    /// Why they are not known.
     pub fn finish(
         self,
         without_unit: Option<(usize, &str)>,
@@ -150,20 +131,13 @@ impl Times {
                 )),
             };
         }
-        let mut found = None;
-        if let (Some((number, name)), Some(interval_s)) = (without_unit, interval_s) {
-            let mut steps: Vec<f64> = clock_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-            steps.sort_by(f64::total_cmp);
-            let step = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
-            let fits = |unit: &Unit| (step * unit.factor / interval_s - 1.0).abs() < 0.01;
-            let unit = units::units_of(Quantity::Time).find(fits).ok_or_else(|| {
-                format!(
-                    "the rows are {step} apart in {name:?} and {interval_s} s in the preamble; state the unit with `columns` time={number}:s"
-                )
-            })?;
-            found = Some(unit);
-            clock_s.iter_mut().for_each(|t| *t *= unit.factor);
-        }
-        Ok((clock_s, found))
+        let (Some((number, name)), Some(interval_s)) = (without_unit, interval_s) else { return Ok((clock_s, None)) };
+        let step = usual_step(&clock_s).unwrap_or(0.0);
+        let fits = |unit: &Unit| (step * unit.factor / interval_s - 1.0).abs() < 0.01;
+        let unit = units::units_of(Quantity::Time).find(fits).ok_or_else(|| {
+            format!("the rows are {step} apart in {name:?} and {interval_s} s in the preamble; state the unit with `columns` time={number}:s")
+        })?;
+        clock_s.iter_mut().for_each(|t| *t *= unit.factor);
+        Ok((clock_s, Some(unit)))
     }
 }

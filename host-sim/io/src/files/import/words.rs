@@ -7,6 +7,11 @@ pub(super) fn is_of(words: &str, word: &str) -> bool {
     words.split(' ').any(|known| known == word)
 }
 
+/// Whether a word of `text`, in any case of letters, is one of `words`.
+pub(super) fn has_word(words: &str, text: &str) -> bool {
+    text.to_lowercase().split(|c: char| !c.is_alphanumeric()).any(|word| is_of(words, word))
+}
+
 /// Words that name a quantity anywhere in a title.
 pub(super) const WORDS: &[(Quantity, &str)] = &[
     (

@@ -5,6 +5,7 @@ use std::panic::{self, AssertUnwindSafe};
 
 use calamine::{DataRef, Reader, Xlsx};
 
+use super::clock::DAY_S;
 use super::numbers::{self, Decimal, Signs};
 
 /// A spreadsheet as text: cells between tabs, numbers with a decimal point.
@@ -67,7 +68,7 @@ fn read(bytes: Vec<u8>, only: Option<&str>, decimal: Option<Decimal>) -> Result<
 
 /// A date with its time, or a duration, as [`super::clock`] reads it. Days have a resolution of a microsecond.
 fn stamp(days: f64) -> String {
-    let seconds = (days - days.floor()) * 86400.0;
+    let seconds = (days - days.floor()) * DAY_S;
     format!("@{} {}", days.floor(), (seconds * 1e5).round() / 1e5)
 }
 
@@ -85,10 +86,8 @@ fn rows(
         if column >= MAX_COLUMNS || row >= MAX_ROWS {
             continue;
         }
-        let kinds: &mut Cells = {
-            columns.resize(columns.len().max(column as usize + 1), Cells::default());
-            &mut columns[column as usize]
-        };
+        columns.resize(columns.len().max(column as usize + 1), Cells::default());
+        let kinds: &mut Cells = &mut columns[column as usize];
         let mut as_number = |text: &str| match decimal.and_then(|decimal| numbers::number(text.trim(), decimal)) {
             Some(number) => number.to_string(),
             None => {
