@@ -94,11 +94,6 @@ fn value(name: &str, k: usize, sample: &Sample) -> String {
     (value + more.parse().unwrap_or(0.0)).to_string()
 }
 
-/// Rows of the samples, each written by `row` with its number.
-fn table(row: impl Fn(usize, &Sample) -> String) -> String {
-    samples().iter().enumerate().map(|(k, sample)| row(k, sample) + "\n").collect()
-}
-
 /// Hours, minutes and seconds of `seconds` since midnight.
 fn clock(seconds: f64) -> String {
     let (hours, rest) = ((seconds / 3600.0).floor(), seconds % 3600.0);
@@ -123,13 +118,13 @@ fn grouped(value: f64, group: &str, decimal: &str) -> String {
 fn numbers() -> Vec<File> {
     // A whole number may have no sign.
     let text = |group: &str, decimal: &str, is_short: bool| {
-        let row = |_: usize, s: &Sample| {
+        let row = |s: &Sample| {
             let number = |value: f64| value.to_string().replace('.', decimal);
             let volts = grouped(1e3 * s.voltage_kv, group, decimal);
             let whole = volts.strip_suffix(&format!("{decimal}000")).filter(|_| is_short);
-            format!("{};{};{}", number(s.time_s), whole.unwrap_or(&volts), number(s.laser_mm))
+            format!("{};{};{}\n", number(s.time_s), whole.unwrap_or(&volts), number(s.laser_mm))
         };
-        format!("Time (s);HV (V);Laser (mm)\n{}", table(row))
+        format!("Time (s);HV (V);Laser (mm)\n{}", samples().iter().map(row).collect::<String>())
     };
     let files = [
         ("a blank", text(" ", ",", false)),

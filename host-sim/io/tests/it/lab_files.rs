@@ -42,12 +42,8 @@ pub struct Sample {
 }
 
 pub fn samples() -> Vec<Sample> {
-    (0..24)
-        .map(|k| {
-            let k = f64::from(k);
-            Sample { time_s: k / 8.0, voltage_kv: 0.0125 * k * k, laser_mm: 0.05 + 0.003 * k * k }
-        })
-        .collect()
+    let sample = |k: f64| Sample { time_s: k / 8.0, voltage_kv: 0.0125 * k * k, laser_mm: 0.05 + 0.003 * k * k };
+    (0..24).map(f64::from).map(sample).collect()
 }
 
 /// Writes the rows: the numbers of `columns` between `separator`, with the `decimal` sign.

@@ -208,24 +208,20 @@ fn readings_out_of_range_are_missing_and_counted() {
                  n/a|#N/A|null|-nan|-nan(ind)|BAD";
     // Also in the first row, which shows the columns.
     for (word, first) in words.split('|').flat_map(|word| [(word, 7), (word, 1)]) {
-        let text = below("Time (s);HV (kV);Laser (mm)", usual);
-        let lines: Vec<String> = text
-            .lines()
-            .enumerate()
-            .map(|(k, line)| match k {
-                k if k == first || k == first + 2 => format!("{};{word}", line.rsplit_once(';').expect("cells").0),
-                _ => line.to_owned(),
-            })
-            .collect();
+        let mut lines: Vec<String> = below("Time (s);HV (kV);Laser (mm)", usual).lines().map(str::to_owned).collect();
+        for line in [first, first + 2] {
+            lines[line] = format!("{};{word}", lines[line].rsplit_once(';').expect("cells").0);
+        }
+        let text = lines.join("\n");
         let given = if word == "BAD" { "words=BAD" } else { "" };
-        let recording = read(lines.join("\n"), given).unwrap_or_else(|error| panic!("{word}: {error}"));
+        let recording = read(&text, given).unwrap_or_else(|error| panic!("{word}: {error}"));
         let displacement = recording.displacement().expect("a laser");
         assert_eq!((displacement.value.len(), recording.time_s().len()), (22, 24), "{word}");
         let counted = recording.notes().iter().any(|note| note.contains("2 readings of \"Laser (mm)\""));
         let is_plain = ["NaN", "", "--", "n/a", "#N/A", "null", "-nan", "-nan(ind)"].contains(&word);
         assert_eq!(counted, !is_plain, "{word}: {:?}", recording.notes());
         // In the voltage they are a fault.
-        let turned = lines.join("\n").replace("HV (kV);Laser (mm)", "Laser (mm);HV (kV)");
+        let turned = text.replace("HV (kV);Laser (mm)", "Laser (mm);HV (kV)");
         let drive = read(turned, given).expect("read").drive();
         has(&drive.expect_err("a gap").to_string(), &[&format!("film.txt:{}:", first + 1), "is empty", "`fill`"]);
     }

@@ -32,14 +32,12 @@ fn recorded(
     let time_s: Vec<f64> = (0..(40.0 * rate_hz) as usize).map(|k| k as f64 / rate_hz).collect();
     let volts: Vec<f64> = time_s.iter().map(|t| 3e3 * drive(*t)).collect();
     let mut crept = 0.0;
-    let stroke: Vec<f64> = volts
-        .iter()
-        .map(|v| {
-            let load = (v / 3e3).powi(2);
-            crept += (load - crept) / (5.0 * rate_hz);
-            load + 0.2 * crept
-        })
-        .collect();
+    let moved = volts.iter().map(|v| {
+        let load = (v / 3e3).powi(2);
+        crept += (load - crept) / (5.0 * rate_hz);
+        load + 0.2 * crept
+    });
+    let stroke: Vec<f64> = moved.collect();
     let reading = (0..stroke.len()).map(|k| {
         let value = 1e-3 * stroke[k.saturating_sub(late)] + zero + noise * random.next();
         if resolution > 0.0 { (value / resolution).round() * resolution } else { value }
