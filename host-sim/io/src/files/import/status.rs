@@ -94,7 +94,8 @@ impl Found {
 }
 
 fn is_gain(name: &str) -> bool {
-    has_word(GAINS, name)
+    // The force scale of a controller's log is that of its law, not of an instrument.
+    name != "force_scale" && has_word(GAINS, name)
 }
 
 fn is_fault(text: &str) -> bool {
