@@ -316,11 +316,19 @@ impl Place<'_> {
             if let Some(key) = key.filter(|key| ActuatorTable::KEYS.contains(key)) {
                 cause = format!("{key} is not below a line [actuator]; put that line above the sizes of the film");
             }
+            if ["name", "model"].iter().any(|key| cause == format!("missing field \"{key}\"")) && self.lacks_model() {
+                cause = "has no [model], only sizes or a board; name a file that the command fit wrote".into();
+            }
             match e.span() {
                 Some(span) => self.error(span, cause),
                 None => Error::file(self.path, cause),
             }
         })
+    }
+
+    /// Whether the whole file, which is TOML, has no model, as one for `--actuator` or `--board`.
+    fn lacks_model(&self) -> bool {
+        toml::from_str::<toml::Table>(self.text).is_ok_and(|table| !table.contains_key("model"))
     }
 
     fn check_schema(&self, schema: &Spanned<u32>) -> Result<()> {
