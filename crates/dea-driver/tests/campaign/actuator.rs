@@ -18,7 +18,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-use dea_driver::chips::{AdcCode, AdcRange, CommandRange, DacCode};
+use dea_driver::chips::{Calibration, CommandRange, DacCode};
 use dea_driver::server::Denial;
 use dea_driver::wire::Status;
 use dea_driver::{Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Mode};
@@ -26,7 +26,8 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-use crate::bench::board_parameters;
+use crate::bench::changed_parameters;
+use crate::circuit::converted;
 use crate::film::{Film, ModelFilm};
 use crate::scale::cases;
 
@@ -161,21 +162,18 @@ struct Board {
 
 impl Board {
     fn new(case: &Case) -> Self {
-        let mut parameters = board_parameters();
-        parameters.command_range = case.range;
         // 10 kV at the end of either range.
         let gain = 10e3 / f64::from(case.range.full_scale_v());
-        parameters.amplifier = dea_driver::chips::Calibration::linear(gain as f32);
+        let parameters =
+            changed_parameters(|p| (p.command_range, p.amplifier) = (case.range, Calibration::linear(gain as f32)));
         let mut device = Device::new(None);
         device.install(Controller::new(Blob::new(parameters).expect("valid"))).expect("disabled");
         let (film, random) = (Film::Model(ModelFilm::new(1.0, 1.0)), Pcg64::seed_from_u64(!case.number));
         Self { device, film, gain, film_v: 0.0, displacement_m: 0.0, random, refused: None }
     }
 
-    fn converted(&mut self, volts: f64) -> f32 {
-        let noise: f64 = StandardNormal.sample(&mut self.random);
-        let code = (volts / 10.24 * 65_536.0 + noise).round().clamp(0.0, 65_535.0);
-        AdcCode(code as u16).volts(AdcRange::UpTo10V24)
+    fn noisy(&mut self, volts: f64) -> f32 {
+        converted(volts, StandardNormal.sample(&mut self.random))
     }
 
     fn tick(&mut self, fault: Option<Fault>) {
@@ -189,8 +187,8 @@ impl Board {
             Some(Fault::Sensor(adc)) => adc.reads(sensor_v, idle),
             _ => Some(sensor_v),
         };
-        let monitor_adc_v = monitor.map(|volts| self.converted(volts));
-        let sensor_adc_v = sensor.map(|volts| self.converted(volts));
+        let monitor_adc_v = monitor.map(|volts| self.noisy(volts));
+        let sensor_adc_v = sensor.map(|volts| self.noisy(volts));
         let drive = self.device.tick(Inputs { interlock_closed: true, monitor_adc_v, sensor_adc_v });
         let enabled = match fault {
             Some(Fault::DacSilent) if drive.enable => {

@@ -21,10 +21,10 @@ use rand_pcg::Pcg64;
 use springpot::{Actuator, AmplifierLag, Curve, Discretisation, Law, LawOptions, Measure, Preset, Spring};
 
 use crate::bench::{board_parameters, law_in_series};
+use crate::board::sealed;
 use crate::scale::cases;
 
 const BOARD: u16 = 0x0405;
-const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 const TICKS: u32 = 2000;
 /// No film moves that far, m.
 const GROWN_M: f32 = 1e3;
@@ -76,8 +76,7 @@ fn framed(contents: &[u8]) -> Vec<u8> {
     bytes.extend(BOARD.to_le_bytes());
     bytes.extend(u16::try_from(contents.len()).expect("short").to_le_bytes());
     bytes.extend(contents);
-    bytes.extend(CRC.checksum(&bytes).to_le_bytes());
-    bytes
+    sealed(&bytes)
 }
 
 fn calibration(calibration: &mut Calibration) -> Vec<&mut f32> {

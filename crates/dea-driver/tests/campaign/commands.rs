@@ -19,6 +19,7 @@ use dea_driver::{
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
+use crate::bench::readings;
 use crate::reference::Reference;
 use crate::scale::{cases, is_full};
 
@@ -296,15 +297,7 @@ fn the_supervisor_is_the_documented_machine() {
 
 /// Ticks a disarmed supervisor until `before` ticks before its counter wraps. There is no other way there.
 fn tick_before_the_wrap(supervisor: &mut Supervisor, reference: &mut Reference, before: u64) {
-    let healthy = |k: u64| Readings {
-        interlock_closed: true,
-        monitor_v: 0.0,
-        displacement_m: if k.is_multiple_of(2) { 0.0 } else { 5e-6 },
-        predicted_m: 0.0,
-        open_loop_m: 0.0,
-        is_frozen: false,
-        disturbance_share: 0.0,
-    };
+    let healthy = |k: u64| readings(0.0, if k.is_multiple_of(2) { 0.0 } else { 5e-6 }, 0.0);
     let until = (1 << 32) - before;
     for k in 1..=until {
         supervisor.check(healthy(k));

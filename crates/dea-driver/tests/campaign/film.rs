@@ -20,6 +20,17 @@ pub enum Film {
 }
 
 impl Film {
+    /// A film by its kind, and its stiffness, force, stiffening or coupling.
+    pub fn of_kind(kind: &str, parameter: f64) -> Self {
+        match kind {
+            "less force" => Self::Model(ModelFilm::new(1.0, parameter)),
+            "strip" => Self::Strip(Strip::new(parameter)),
+            "pulls in" => Self::Strip(Strip::pulling_in(parameter)),
+            "warms" => Self::Model(ModelFilm::warming(parameter)),
+            _ => Self::Model(ModelFilm::new(parameter, 1.0)),
+        }
+    }
+
     /// Displacement (m) after a step under `volts` (V).
     pub fn step(&mut self, volts: f64) -> f64 {
         match self {

@@ -15,12 +15,12 @@
 use std::hash::{Hash, Hasher};
 
 use dea_driver::server::Session;
-use dea_driver::wire::{Answer, Command, Inspection, Mode, Part, Reject};
+use dea_driver::wire::{Answer, Command, Mode, Reject};
 use dea_driver::{Blob, Controller, Drive, DriverState, RamFlash};
 use stateright::{Checker, Model, Property};
 
-use crate::bench::{board_parameters, encoded};
-use crate::board::{self, BOARD, Bench};
+use crate::bench::{changed_parameters, encoded};
+use crate::board::{self, BOARD, Bench, inspection};
 use crate::explore::{first_broken, is_tripped, keeps_cause, promises, searched};
 use crate::scale::is_full;
 
@@ -167,15 +167,7 @@ impl Search {
         let enabled_before = bench.drive.enable;
         bench.tick(inputs);
         let held = class == Class::EnableHeld;
-        bench.device.report(Inspection {
-            interlock_closed: inputs.interlock_closed,
-            enable_high: enabled_before != held,
-            dac: Part::Answers,
-            monitor: Part::Answers,
-            sensor: Part::Answers,
-            monitor_adc_v: 0.0,
-            sensor_adc_v: 1.0,
-        });
+        bench.device.report(inspection(inputs.interlock_closed, enabled_before != held));
         hosts.interlock_closed = inputs.interlock_closed;
         hosts.silent_ticks = (hosts.silent_ticks + 1).min(self.timeout_ticks + 1);
         let Drive { enable, dac_v, .. } = hosts.bench.drive;
@@ -260,11 +252,11 @@ impl Model for Search {
     type Action = Step;
 
     fn init_states(&self) -> Vec<Hosts> {
-        let mut parameters = board_parameters();
-        parameters.limits.heartbeat_s = self.timeout_ticks as f32 / RATE_HZ;
-        parameters.limits.discharge_s = self.timeout_ticks as f32 / RATE_HZ;
-        parameters.limits.max_slew_v_per_s = 1e6;
-        parameters.limits.monitor.slew_v_per_s = 1e6;
+        let timeout_s = self.timeout_ticks as f32 / RATE_HZ;
+        let parameters = changed_parameters(|p| {
+            (p.limits.heartbeat_s, p.limits.discharge_s) = (timeout_s, timeout_s);
+            (p.limits.max_slew_v_per_s, p.limits.monitor.slew_v_per_s) = (1e6, 1e6);
+        });
         let mut bench = Bench::new(RamFlash::default(), None);
         bench.store.save(&encoded(&parameters, BOARD)).expect("valid");
         bench.device.install(Controller::new(Blob::new(parameters).expect("valid"))).expect("off");

@@ -39,7 +39,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::{Pcg64, Pcg64Mcg};
 
 use self::arcs::{Arcing, ArcsSeen, Shows};
-use crate::bench::bench_limits;
+use crate::bench::{self, bench_limits};
 use crate::scale::cases;
 
 const RATE_HZ: f32 = 1000.0;
@@ -53,16 +53,7 @@ const REVEALING: u32 = 49;
 
 /// A sensor that does as it should, of a film whose model is right.
 fn readings(monitor_v: f64, film_m: f32, tick: u64) -> Readings {
-    let predicted_m = film_m;
-    Readings {
-        interlock_closed: true,
-        monitor_v: monitor_v as f32,
-        displacement_m: predicted_m + 1e-6 * (tick % 7) as f32,
-        predicted_m,
-        open_loop_m: predicted_m,
-        is_frozen: false,
-        disturbance_share: 0.0,
-    }
+    bench::readings(monitor_v as f32, film_m + 1e-6 * (tick % 7) as f32, film_m)
 }
 
 fn started(limits: &Limits) -> Supervisor {

@@ -13,9 +13,9 @@
 use std::thread;
 
 use dea_driver::{Blob, Controller, Device, DriverState, Inputs, Mode, Telemetry};
-use springpot::{Actuator, Law, LawOptions, LawState, Preset, VoltageDrive};
+use springpot::{Actuator, Law, LawState, Real, VoltageDrive};
 
-use crate::bench::board_parameters;
+use crate::bench::{board_parameters, law};
 use crate::scale::cases;
 
 /// Levels of a day, and ticks of a sine.
@@ -63,9 +63,8 @@ impl Day {
     }
 }
 
-fn law_and_drive<T: springpot::Real>() -> (Law<T>, VoltageDrive<T>, LawState<T>) {
-    let model = Preset::TABLE3_N2.model().expect("valid");
-    let law: Law<T> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
+fn law_and_drive<T: Real>() -> (Law<T>, VoltageDrive<T>, LawState<T>) {
+    let law: Law<T> = law();
     let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
     let rest = law.state();
     (law, drive, rest)

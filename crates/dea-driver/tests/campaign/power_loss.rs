@@ -16,8 +16,9 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use crate::bench::{board_parameters, encoded};
+use crate::board::{SECTOR, slot};
 use crate::scale::cases;
-use crate::torn_flash::{SECTOR, TornFlash};
+use crate::torn_flash::TornFlash;
 
 const BOARD: u16 = 0x0405;
 /// Sets that differ by their names, which are their numbers.
@@ -42,14 +43,6 @@ struct Counts {
 fn sets() -> Vec<Vec<u8>> {
     let named = |name: String| Parameters { name: name.as_str().try_into().expect("short"), ..board_parameters() };
     (0..SETS).map(|number| encoded(&named(number.to_string()), BOARD)).collect()
-}
-
-/// A slot as doc/blob.md describes it.
-fn slot(sequence: u32, blob: &[u8]) -> Vec<u8> {
-    let mut bytes = [sequence.to_le_bytes(), (!sequence).to_le_bytes()].concat();
-    bytes.extend(blob);
-    bytes.resize(SECTOR, 0xff);
-    bytes
 }
 
 /// Initial contents of the flash, and the newest set in it.

@@ -9,13 +9,12 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-use dea_driver::chips::{AdcCode, AdcRange, DacCode};
-use dea_driver::{Blob, Cause, Controller, DriverState, Inputs, Limits, Mode, Parameters};
+use dea_driver::{Blob, Cause, Controller, DriverState, Inputs, Mode, Parameters};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use crate::circuit::{CONVERTERS, Circuit, sensed_parameters};
-use crate::film::{Film, ModelFilm, Strip};
+use crate::circuit::{CONVERTERS, Circuit, amplified, converted, sensed_parameters};
+use crate::film::Film;
 use crate::scale::cases;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,15 +78,6 @@ impl Case {
         Self { number, fault, film, parameter, limit_m, swing, begins }
     }
 
-    fn film(&self) -> Film {
-        match self.film {
-            "less force" => Film::Model(ModelFilm::new(1.0, self.parameter)),
-            "strip" => Film::Strip(Strip::new(self.parameter)),
-            "warms" => Film::Model(ModelFilm::warming(self.parameter)),
-            _ => Film::Model(ModelFilm::new(self.parameter, 1.0)),
-        }
-    }
-
     fn reference_m(&self, tick: u32) -> f32 {
         let time_s = f64::from(tick) * 1e-3;
         let [mean_m, amplitude_m, frequency_hz] = self.swing;
@@ -123,14 +113,13 @@ struct Run {
 impl Run {
     /// A film that its sensor has shown at rest, and that is its own from the begin of the run on.
     fn new(case: &Case) -> Self {
-        let parameters = sensed_parameters();
-        let limits = Limits { max_displacement_m: case.limit_m as f32, ..parameters.limits };
-        let parameters = Parameters { limits, ..parameters };
+        let mut parameters = sensed_parameters();
+        parameters.limits.max_displacement_m = case.limit_m as f32;
         let blob = Blob::with_converters(parameters.clone(), &CONVERTERS).expect("valid");
         let mut run = Self {
             controller: Controller::new(blob),
             parameters,
-            film: case.film(),
+            film: Film::of_kind(case.film, case.parameter),
             circuit: Circuit::new(!case.number),
             current_adc_v: None,
             has_sensor: true,
@@ -149,13 +138,12 @@ impl Run {
     }
 
     fn tick(&mut self) {
-        let code = |volts: f64| AdcCode((volts / 10.24 * 65_536.0).round() as u16).volts(AdcRange::UpTo10V24);
         self.controller.note_current(self.current_adc_v.filter(|_| !self.is_silent));
         let before_v = self.controller.supervisor().command_v();
         let outputs = self.controller.tick(Inputs {
             interlock_closed: true,
-            monitor_adc_v: Some(code(self.film_v / 1000.0)),
-            sensor_adc_v: self.has_sensor.then(|| code(1.0 + self.displacement_m / 1e-3)),
+            monitor_adc_v: Some(converted(self.film_v / 1000.0, 0.0)),
+            sensor_adc_v: self.has_sensor.then(|| converted(1.0 + self.displacement_m / 1e-3, 0.0)),
         });
         let (command_v, limits) = (outputs.telemetry.command_v, &self.parameters.limits);
         let changes_v = command_v - before_v;
@@ -164,10 +152,8 @@ impl Run {
             "{before_v}, {command_v} V"
         );
         assert!((0.0..=limits.max_voltage_v).contains(&command_v), "{command_v} V");
-        let range = self.parameters.command_range;
-        let volts = f64::from(DacCode::from_volts(outputs.dac_v, range).volts(range)) * 1000.0;
         self.commands_v.rotate_left(1);
-        self.commands_v[3] = if outputs.enable { volts } else { 0.0 };
+        self.commands_v[3] = amplified(&outputs, self.parameters.command_range);
         let mean_v = self.commands_v.iter().sum::<f64>() / 4.0;
         self.film_v = if self.passes_tone || !outputs.enable { self.commands_v[3] } else { mean_v };
         self.displacement_m = self.film.step(self.film_v);

@@ -10,17 +10,15 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::TAU;
 
-use dea_driver::chips::{AdcCode, AdcRange, DacCode};
-use dea_driver::{
-    AdaptationOrder, Blob, Cause, Control, Controller, DriverState, Inputs, Limits, Mode, Parameters, SensorFault,
-};
+use dea_driver::{AdaptationOrder, Blob, Cause, Controller, DriverState, Inputs, Mode, Parameters, SensorFault};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use springpot::{Actuator, Adapted};
 
-use crate::bench::board_parameters;
-use crate::film::{Film, ModelFilm, Strip};
+use crate::bench::changed_parameters;
+use crate::circuit::{amplified, converted};
+use crate::film::Film;
 use crate::scale::cases;
 
 /// Ticks before the fault, of a millisecond.
@@ -140,16 +138,6 @@ impl Case {
         Self { number, fault, mode, harmonics, adapts: false, film, parameter, shape, limit_m }
     }
 
-    fn film(&self) -> Film {
-        match self.film {
-            "less force" => Film::Model(ModelFilm::new(1.0, self.parameter)),
-            "strip" => Film::Strip(Strip::new(self.parameter)),
-            "pulls in" => Film::Strip(Strip::pulling_in(self.parameter)),
-            "warms" => Film::Model(ModelFilm::warming(self.parameter)),
-            _ => Film::Model(ModelFilm::new(self.parameter, 1.0)),
-        }
-    }
-
     /// Changes of another film that were kept, of every fourth law that adapts: anything that can be learned.
     fn kept(&self) -> Option<Adapted<f32>> {
         let mut random = Pcg64::seed_from_u64(self.number);
@@ -198,14 +186,14 @@ struct Run {
 
 impl Run {
     fn new(case: &Case) -> Self {
-        let parameters = board_parameters();
-        let limits = Limits { max_displacement_m: case.limit_m as f32, ..parameters.limits };
         let period_s = match case.shape {
             Shape::Sine { frequency_hz, .. } => 1.0 / frequency_hz as f32,
             _ => 2.0,
         };
-        let control = Control { harmonics: case.harmonics, period_s, ..parameters.control };
-        let parameters = Parameters { limits, control, adapted: case.kept(), ..parameters };
+        let parameters = changed_parameters(|p| {
+            (p.limits.max_displacement_m, p.adapted) = (case.limit_m as f32, case.kept());
+            (p.control.harmonics, p.control.period_s) = (case.harmonics, period_s);
+        });
         let mut controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
         if case.adapts {
             controller.order_adaptation(AdaptationOrder::Learn { trip_at: f32::INFINITY }).expect("no bounds");
@@ -215,7 +203,7 @@ impl Run {
         }
         Self {
             controller,
-            film: case.film(),
+            film: Film::of_kind(case.film, case.parameter),
             parameters,
             random: Pcg64::seed_from_u64(!case.number),
             film_v: 0.0,
@@ -225,11 +213,10 @@ impl Run {
         }
     }
 
-    /// Codes of the ADC on 0 to 10.24 V, of `volts` and noise.
-    fn converted(&mut self, volts: f64, noise_lsb: f64) -> f32 {
+    /// Reading of an ADC of `volts` and noise, V.
+    fn noisy(&mut self, volts: f64, noise_lsb: f64) -> f32 {
         let noise: f64 = StandardNormal.sample(&mut self.random);
-        let code = (volts / 10.24 * 65_536.0 + noise_lsb * noise).round().clamp(0.0, 65_535.0);
-        AdcCode(code as u16).volts(AdcRange::UpTo10V24)
+        converted(volts, noise_lsb * noise)
     }
 
     fn state(&self) -> DriverState {
@@ -253,12 +240,10 @@ impl Run {
             Some((Fault::Slip(slip_m), _)) => (healthy_m + slip_m, 0.6),
             Some((Fault::Delay(ticks), _)) => (self.past_m[LATE + ticks] + laser_m, 0.6),
         };
-        let sensor_adc_v = Some(self.converted(1.0 + shown_m / 1e-3, noise_lsb));
-        let monitor_adc_v = Some(self.converted(self.film_v / 1000.0, 10.0));
+        let sensor_adc_v = Some(self.noisy(1.0 + shown_m / 1e-3, noise_lsb));
+        let monitor_adc_v = Some(self.noisy(self.film_v / 1000.0, 10.0));
         let outputs = self.controller.tick(Inputs { interlock_closed: true, monitor_adc_v, sensor_adc_v });
-        let range = self.parameters.command_range;
-        let volts = f64::from(DacCode::from_volts(outputs.dac_v, range).volts(range)) * 1000.0;
-        self.film_v = if outputs.enable { volts } else { 0.0 };
+        self.film_v = amplified(&outputs, self.parameters.command_range);
         let displacement_m = self.film.step(self.film_v);
         self.past_m.pop_back();
         self.past_m.push_front(displacement_m);

@@ -20,6 +20,7 @@ use dea_driver::{
 };
 use stateright::{Checker, Model, Property};
 
+use crate::bench::readings;
 use crate::explore::{first_broken, is_tripped, keeps_cause, promises, searched};
 use crate::scale::is_full;
 
@@ -106,16 +107,8 @@ const DEVIATIONS: [&[Deviation]; 8] = [
 
 /// Healthy readings and those that deviate in up to `most` ways, by the first `kinds` deviations of each.
 fn classes(most: usize, kinds: usize) -> Vec<Class> {
-    let readings = Readings {
-        interlock_closed: true,
-        monitor_v: 0.0,
-        displacement_m: 0.0,
-        predicted_m: 0.0,
-        open_loop_m: 0.0,
-        is_frozen: false,
-        disturbance_share: 0.0,
-    };
-    let healthy = Class { readings, follows: true, sensor: Sensor::Moves, wanted_v: 2.0 * MAX_V };
+    let healthy =
+        Class { readings: readings(0.0, 0.0, 0.0), follows: true, sensor: Sensor::Moves, wanted_v: 2.0 * MAX_V };
     let mut classes = vec![(healthy, 0)];
     for group in DEVIATIONS {
         let mut deviating = Vec::new();

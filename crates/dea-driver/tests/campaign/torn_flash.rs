@@ -6,8 +6,8 @@ use embedded_storage::nor_flash::{
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Bytes of an erasable part.
-pub const SECTOR: usize = 1024;
+use crate::board::SECTOR;
+
 const WORD: usize = 4;
 const ERASED: u32 = u32::MAX;
 

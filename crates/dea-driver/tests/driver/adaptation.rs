@@ -6,47 +6,41 @@ use std::f64::consts::TAU;
 use dea_driver::wire::{Answer, Command, Reject};
 use dea_driver::{
     AdaptationOrder, AdaptationStatus, BLOB_LEN, Blob, BlobError, Cause, Control, Controller, DriverState,
-    LearningOrder, Limits, Mode, OnSensorFault, Parameters,
+    LearningOrder, Mode, Parameters,
 };
 use springpot::{Adapted, Adapting, ControlError};
 
 use crate::bench::{board_parameters, encoded};
-use crate::board::BOARD;
-use crate::film_bench::{FilmBench as Bench, adc_v};
+use crate::board::{BOARD, sealed};
+use crate::film_bench::{FilmBench as Bench, rides_through};
 use crate::host::{Host, blob};
 
 const LEARN: AdaptationOrder = AdaptationOrder::Learn { trip_at: 3.0 };
+/// The temperature of a film that is much stiffer.
+const STIFF: AdaptationOrder = AdaptationOrder::Temperature { stiffness: 3.0, time: 1.0 };
 
 /// A film whose force is other than the model's, and whose sensor may be lost.
 fn bench(force_scale: f64) -> Bench {
-    let mut parameters = Parameters { control: Control { delay_s: 0.0, ..Control::BENCH }, ..board_parameters() };
-    parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
-    Bench { force_scale, ..Bench::with(parameters) }
+    let bench = Bench::changed(|p| {
+        rides_through(p);
+        p.control = Control { delay_s: 0.0, ..Control::BENCH };
+    });
+    Bench { force_scale, ..bench }
 }
 
 /// Sines of 5 s from `from` to `to` (s): the largest error of the last 5 s, m. Without its sensor where `lost`.
 fn run(bench: &mut Bench, [from, to]: [u32; 2], lost: bool) -> f64 {
-    let mut largest_m = 0.0f64;
-    for k in 1000 * from..1000 * to {
-        let reference_m = 0.55e-3 * (f64::from(k) / 1000.0).min(1.0) - 0.15e-3 * (TAU * f64::from(k) / 5000.0).sin();
-        bench.set_reference(reference_m as f32);
-        bench.tick(|inputs| {
-            if lost {
-                inputs.sensor_adc_v = Some(adc_v(u16::MAX));
-            }
-        });
-        if bench.state() != DriverState::Running {
-            return f64::NAN;
-        }
-        if k + 5000 >= 1000 * to {
-            largest_m = largest_m.max((bench.displacement_m - reference_m).abs());
-        }
-    }
-    largest_m
+    bench.is_unplugged = lost;
+    bench.track(1000 * from..1000 * to, 5000, |time_s| 0.55e-3 * time_s.min(1.0) - 0.15e-3 * (TAU * time_s / 5.0).sin())
 }
 
-fn state(bench: &Bench) -> DriverState {
-    bench.state()
+/// One of which the law has learned in a run of so many seconds.
+fn learned(seconds: u32) -> Bench {
+    let mut bench = bench(0.9);
+    bench.order_adaptation(LEARN);
+    bench.start(Mode::Tracking);
+    run(&mut bench, [0, seconds], false);
+    bench
 }
 
 /// A film with a tenth less force: by order the law follows it, and goes on so without the sensor, in the next feedforward as well. Without the
@@ -82,16 +76,10 @@ fn what_was_learned_is_used_when_the_sensor_goes() {
 /// Hold keeps what was learned, off brings back the law as it was fitted, and so do an acknowledged trip and other parameters.
 #[test]
 fn it_is_held_forgotten_and_switched_off() {
-    let learned = || {
-        let mut bench = bench(0.9);
-        bench.order_adaptation(LEARN);
-        bench.start(Mode::Tracking);
-        run(&mut bench, [0, 30], false);
-        bench
-    };
     let ageing = |bench: &Bench| bench.controller.adaptation().adapted.ageing;
+    let ends = |bench: &Bench| (ageing(bench), bench.controller.adaptation().adapting);
 
-    let mut held = learned();
+    let mut held = learned(30);
     held.order_adaptation(AdaptationOrder::Hold);
     let before = ageing(&held);
     held.force_scale = 1.1;
@@ -99,23 +87,20 @@ fn it_is_held_forgotten_and_switched_off() {
     assert!(before > 0.8 && (ageing(&held) - before).abs() < 0.02, "{before}: {:?}", held.controller.adaptation());
     held.order_adaptation(AdaptationOrder::Forget);
     run(&mut held, [60, 61], false);
-    assert_eq!((ageing(&held), held.controller.adaptation().adapting), (0.0, Adapting::Hold));
+    assert_eq!(ends(&held), (0.0, Adapting::Hold));
     held.order_adaptation(AdaptationOrder::Off);
     run(&mut held, [61, 90], false);
-    assert_eq!((ageing(&held), held.controller.adaptation().adapting), (0.0, Adapting::Off));
+    assert_eq!(ends(&held), (0.0, Adapting::Off));
 
-    let mut forgotten = learned();
+    let mut forgotten = learned(30);
     forgotten.force_scale = 1.0;
     forgotten.order_adaptation(AdaptationOrder::Forget);
     run(&mut forgotten, [30, 60], false);
-    assert!(ageing(&forgotten) < 0.1, "{:?}", forgotten.controller.adaptation());
-    assert_eq!(forgotten.controller.adaptation().adapting, Adapting::Learn);
+    assert!(ends(&forgotten).0 < 0.1 && ends(&forgotten).1 == Adapting::Learn, "{:?}", ends(&forgotten));
 
-    let mut tripped = learned();
-    tripped.ask(|controller| controller.trip(Cause::Interlock));
-    tripped.run(1000);
-    tripped.ask(Controller::acknowledge).expect("at 0 V");
-    assert_eq!((ageing(&tripped), tripped.controller.adaptation().adapting), (0.0, Adapting::Learn));
+    let mut tripped = learned(30);
+    tripped.trip_and_acknowledge();
+    assert_eq!(ends(&tripped), (0.0, Adapting::Learn));
 }
 
 /// A film, or a sensor, that has moved too far from its commissioning trips, in every mode that has a sensor.
@@ -128,10 +113,8 @@ fn a_film_that_has_aged_too_far_trips() {
         run(&mut bench, [0, 60], false);
         let wanted = if trips { DriverState::Tripped(Cause::Ageing) } else { DriverState::Running };
         let status = bench.controller.adaptation();
-        assert_eq!(state(&bench), wanted, "{force_scale}, {trip_at}: {status:?}");
-        if trips {
-            assert!(bench.high_voltage_v < 1.0);
-        }
+        assert_eq!(bench.state(), wanted, "{force_scale}, {trip_at}: {status:?}");
+        assert!(!trips || bench.high_voltage_v < 1.0);
     }
 }
 
@@ -145,9 +128,7 @@ fn a_temperature_that_is_ordered_is_used() {
         let mut bench = bench(0.9);
         if ordered {
             bench.order_adaptation(order);
-            bench.ask(|controller| controller.trip(Cause::Interlock));
-            bench.run(1000);
-            bench.ask(Controller::acknowledge).expect("tripped");
+            bench.trip_and_acknowledge();
         }
         bench.start(Mode::Feedforward);
         (run(&mut bench, [0, 20], true), bench)
@@ -167,71 +148,56 @@ fn a_temperature_that_is_ordered_is_used() {
     assert_eq!(bench.controller.adaptation().stiffness, stiffness);
 
     // A film that is stated to be stiffer takes more voltage than the watch allows: it trips within its stroke.
-    let parameters = board_parameters();
-    let limits = Limits { max_displacement_m: 1e-3, on_sensor_fault: OnSensorFault::OpenLoop, ..parameters.limits };
-    let mut wrong = Bench::with(Parameters { limits, ..parameters });
-    let order = AdaptationOrder::Temperature { stiffness: 3.0, time: 1.0 };
-    wrong.order_adaptation(order);
+    let mut wrong = Bench::changed(|p| {
+        rides_through(p);
+        p.limits.max_displacement_m = 1e-3;
+    });
+    wrong.order_adaptation(STIFF);
     wrong.start(Mode::Feedforward);
-    let mut furthest_m = 0.0f64;
-    for k in 0..20_000 {
-        wrong.set_reference(0.7e-6 * (k.min(1000) as f32));
-        wrong.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(u16::MAX)));
-        furthest_m = furthest_m.max(wrong.displacement_m);
-        if state(&wrong) != DriverState::Running {
-            break;
-        }
-    }
-    assert_eq!(state(&wrong), DriverState::Tripped(Cause::ModelDisplacement));
-    assert!(furthest_m < 1e-3, "{furthest_m} m");
+    wrong.is_unplugged = true;
+    wrong.track(0..20_000, 0, |time_s| 0.7e-3 * time_s.min(1.0));
+    assert_eq!(wrong.state(), DriverState::Tripped(Cause::ModelDisplacement));
+    assert!(wrong.furthest_m < 1e-3, "{} m", wrong.furthest_m);
 }
 
 /// A temperature of another film, on one that is softer than its law, and a jump before a late sensor has shown that: the film counts as softer from the order
 /// on, within a run as well, and where a sample is lost as the run begins. It went to 1.18 times its stroke.
 #[test]
 fn a_temperature_of_another_film_keeps_the_stroke() {
-    let order = AdaptationOrder::Temperature { stiffness: 3.0, time: 1.0 };
     for (mode, is_before, is_lost) in [Mode::Feedforward, Mode::Tracking]
         .into_iter()
         .flat_map(|mode| [(mode, true, false), (mode, true, true), (mode, false, false)])
     {
-        let parameters = board_parameters();
-        let limits = Limits {
-            max_displacement_m: 1e-3,
-            max_disturbance_share: 0.4,
-            on_sensor_fault: OnSensorFault::OpenLoop,
-            ..parameters.limits
-        };
-        let parameters = Parameters { limits, ..parameters };
+        let bench = Bench::changed(|p| {
+            rides_through(p);
+            (p.limits.max_displacement_m, p.limits.max_disturbance_share) = (1e-3, 0.4);
+        });
+        let mut bench = Bench { force_scale: 1.15, ..bench };
         let mut late = VecDeque::from([None; 10]);
-        let mut bench = Bench { force_scale: 1.15, ..Bench::with(parameters) };
-        let mut furthest_m = 0.0f64;
         let mut run = |bench: &mut Bench, ticks: u16, is_lost: bool| {
             for _ in 0..ticks {
-                bench.controller.heartbeat();
-                bench.tick(|inputs| {
+                bench.live_tick(|inputs| {
                     late.push_back(inputs.sensor_adc_v);
                     inputs.sensor_adc_v = late.pop_front().flatten().filter(|_| !is_lost);
                 });
-                furthest_m = furthest_m.max(bench.displacement_m);
             }
         };
-        let temperature = |bench: &mut Bench| bench.ask(|controller| controller.order_adaptation(order));
         if is_before {
-            temperature(&mut bench).expect("within bounds");
+            bench.order_adaptation(STIFF);
         }
         // The law follows it within seconds.
         run(&mut bench, 5000, false);
         bench.ask(Controller::arm).expect("healthy");
         run(&mut bench, 1, is_lost);
-        bench.ask(|controller| controller.start(mode)).expect("armed");
+        bench.start_armed(mode);
         if !is_before {
-            temperature(&mut bench).expect("within bounds");
+            bench.order_adaptation(STIFF);
             run(&mut bench, 5000, false);
         }
         bench.set_reference(0.85e-3);
         run(&mut bench, 3000, false);
-        println!("{mode:?}, before: {is_before}, lost: {is_lost}: {furthest_m} m, {:?}", state(&bench));
+        let furthest_m = bench.furthest_m;
+        println!("{mode:?}, before: {is_before}, lost: {is_lost}: {furthest_m} m, {:?}", bench.state());
         assert!(furthest_m < 1.05e-3, "{mode:?}, before: {is_before}, lost: {is_lost}: {furthest_m} m");
     }
 }
@@ -239,10 +205,7 @@ fn a_temperature_of_another_film_keeps_the_stroke() {
 /// The changes of a film are stored with the parameters, and used by the controller that is built from them: as good without a sensor as before.
 #[test]
 fn what_was_kept_is_used_after_a_restart() {
-    let mut learned = bench(0.9);
-    learned.order_adaptation(LEARN);
-    learned.start(Mode::Tracking);
-    run(&mut learned, [0, 60], false);
+    let mut learned = learned(60);
     learned.order_adaptation(AdaptationOrder::Keep);
     let kept = encoded(learned.controller.parameters(), BOARD);
     let read = Blob::decode(&kept, BOARD).expect("its own").into_parameters();
@@ -302,9 +265,18 @@ fn what_no_law_has_learned_is_refused() {
     // The scale is the first of the last seven numbers, before the checksum.
     let end = bytes.len() - 4;
     bytes[end - 28..end - 24].copy_from_slice(&5f32.to_le_bytes());
-    let checksum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes[..end]);
-    bytes[end..].copy_from_slice(&checksum.to_le_bytes());
-    assert!(matches!(Blob::decode(&bytes, BOARD), Err(BlobError::Control(ControlError::OutOfRange { .. }))));
+    assert!(matches!(
+        Blob::decode(&sealed(&bytes[..end]), BOARD),
+        Err(BlobError::Control(ControlError::OutOfRange { .. }))
+    ));
+}
+
+/// The status over the link.
+fn status(host: &mut Host) -> AdaptationStatus {
+    match host.ask(Command::Adaptation) {
+        Answer::Adaptation(status) => status,
+        other => panic!("{other:?}"),
+    }
 }
 
 /// Over the link: what is learned is kept with stored parameters alone, while the amplifier is off, and is gone from the store once it was forgotten.
@@ -313,31 +285,28 @@ fn it_is_kept_over_the_link() {
     let mut host = Host::with_parameters();
     let keep = Command::Adapt(AdaptationOrder::Keep);
     assert_eq!(host.ask(keep.clone()), Answer::Rejected(Reject::Value), "they are only tried");
-    let bytes = blob();
-    host.upload(&bytes);
-    assert_eq!(host.ask(Command::Commit { length: bytes.len() as u16 }), Answer::Done);
+    assert_eq!(host.commit(&blob()), Answer::Done);
     let stored = |host: &mut Host| host.bench.store.load().expect("stored").blob.into_parameters().adapted;
     assert_eq!((host.ask(keep.clone()), stored(&mut host)), (Answer::Done, None));
 
-    assert_eq!(host.ask(Command::Adapt(LEARN)), Answer::Done);
+    host.done(Command::Adapt(LEARN));
     host.tick();
     assert_eq!((host.ask(keep.clone()), stored(&mut host)), (Answer::Done, None), "nothing was learned");
     host.arm();
     assert!(matches!(host.ask(keep.clone()), Answer::Refused(_)));
     // A film that does not move under its voltage is held by a constant force.
-    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
+    host.done(Command::Start(Mode::Voltage));
     for _ in 0..100 {
-        assert_eq!(host.ask(Command::SetVoltage(500.0)), Answer::Done);
-        (0..20).for_each(|_| host.tick());
+        host.done(Command::SetVoltage(500.0));
+        host.ticks(20);
     }
-    assert_eq!(host.ask(Command::Disarm), Answer::Done);
-    assert_eq!(host.ask(keep.clone()), Answer::Done);
+    host.done(Command::Disarm);
+    host.done(keep.clone());
     assert!(stored(&mut host).is_some());
-    assert_eq!(host.ask(Command::Reload), Answer::Done);
-    let Answer::Adaptation(status) = host.ask(Command::Adaptation) else { panic!("no status") };
-    assert_eq!(status.adapting, Adapting::Hold);
+    host.done(Command::Reload);
+    assert_eq!(status(&mut host).adapting, Adapting::Hold);
 
-    assert_eq!(host.ask(Command::Adapt(AdaptationOrder::Off)), Answer::Done);
+    host.done(Command::Adapt(AdaptationOrder::Off));
     assert_eq!((host.ask(keep), stored(&mut host)), (Answer::Done, None));
 }
 
@@ -345,17 +314,13 @@ fn it_is_kept_over_the_link() {
 #[test]
 fn it_is_ordered_over_the_link() {
     let mut host = Host::with_parameters();
-    let status = |host: &mut Host| match host.ask(Command::Adaptation) {
-        Answer::Adaptation(status) => status,
-        other => panic!("{other:?}"),
-    };
     let first = status(&mut host);
     assert_eq!((first.adapting, first.adapted.ageing, first.adapted.force_scale), (Adapting::Off, 0.0, 1.0));
     for trip_at in [0.0, -1.0, f32::NAN] {
         let answer = host.ask(Command::Adapt(AdaptationOrder::Learn { trip_at }));
         assert_eq!(answer, Answer::Rejected(Reject::Value), "{trip_at}");
     }
-    assert_eq!(host.ask(Command::Adapt(LEARN)), Answer::Done);
+    host.done(Command::Adapt(LEARN));
     assert_eq!((status(&mut host).adapting, status(&mut host).trip_at), (Adapting::Learn, 3.0));
     // Armed, only by the host that armed.
     host.arm();
@@ -363,13 +328,11 @@ fn it_is_ordered_over_the_link() {
     assert_eq!(host.ask(Command::Adapt(AdaptationOrder::Off)), Answer::Rejected(Reject::Token));
     assert_eq!(status(&mut host).adapting, Adapting::Learn);
     host.token = token;
-    assert_eq!(host.ask(Command::Adapt(AdaptationOrder::Hold)), Answer::Done);
-    assert_eq!(host.ask(Command::Disarm), Answer::Done);
+    host.done(Command::Adapt(AdaptationOrder::Hold));
+    host.done(Command::Disarm);
 
     let control = Control { adaptation_s: 0.0, ..Control::BENCH };
-    let blob = encoded(&Parameters { control, ..board_parameters() }, BOARD);
-    host.upload(&blob);
-    assert_eq!(host.ask(Command::Try { length: blob.len() as u16 }), Answer::Done);
+    assert_eq!(host.try_blob(&encoded(&Parameters { control, ..board_parameters() }, BOARD)), Answer::Done);
     assert_eq!(status(&mut host).adapting, Adapting::Off);
     assert_eq!(host.ask(Command::Adapt(LEARN)), Answer::Rejected(Reject::Value));
     // Cycles are another matter.

@@ -2,7 +2,7 @@
 
 use std::f32::consts::TAU;
 
-use dea_driver::wire::{Answer, Command};
+use dea_driver::wire::Command;
 use dea_driver::{Cause, DriverState, Inputs, Mode, Monitor};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -221,27 +221,23 @@ fn an_amplifier_that_rings_does_not_arc() {
 /// A host learns how often the reading fell in this run, or in the last one.
 #[test]
 fn falls_are_reported() {
-    let falls = |host: &mut Host| match host.ask(Command::Status) {
-        Answer::Status(status) => status.falls,
-        other => panic!("{other:?}"),
-    };
     let mut host = Host::with_parameters();
     for arcs in [3, 0, 1] {
         host.arm();
-        assert_eq!(falls(&mut host), 0);
-        assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
+        assert_eq!(host.status().falls, 0);
+        host.done(Command::Start(Mode::Voltage));
         // Once it is at 2 kV, an arc every 0.6 s.
         for tick in 0..300 + 600 * u32::from(arcs) {
             if tick % 100 == 0 {
-                assert_eq!(host.ask(Command::SetVoltage(2000.0)), Answer::Done);
+                host.done(Command::SetVoltage(2000.0));
             }
             let inputs = host.bench.inputs();
             let monitor_adc_v = if tick % 600 == 299 && tick > 299 { Some(0.0) } else { inputs.monitor_adc_v };
             host.bench.tick(Inputs { monitor_adc_v, ..inputs });
         }
-        assert_eq!(falls(&mut host), arcs);
-        assert_eq!(host.ask(Command::Disarm), Answer::Done);
-        (0..1000).for_each(|_| host.tick());
-        assert_eq!((host.state(), falls(&mut host)), (DriverState::Disarmed, arcs));
+        assert_eq!(host.status().falls, arcs);
+        host.done(Command::Disarm);
+        host.ticks(1000);
+        assert_eq!((host.state(), host.status().falls), (DriverState::Disarmed, arcs));
     }
 }

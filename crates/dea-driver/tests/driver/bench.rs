@@ -1,6 +1,6 @@
 //! The bench of these tests: limits and parameters of a film like the paper's.
 
-use dea_driver::{BLOB_LEN, ControllerMemory, Limits, Parameters, PlausibilityLimits};
+use dea_driver::{BLOB_LEN, ControllerMemory, Limits, Parameters, PlausibilityLimits, Readings};
 use springpot::{Actuator, Law, LawOptions, Preset, Real, Spring};
 
 /// Limits of a bench with a film like the paper's.
@@ -12,22 +12,33 @@ pub fn bench_limits() -> Limits {
     }
 }
 
-/// The law of the paper's model with two branches at 1 kHz.
-pub fn law() -> Law<f32> {
+/// The law of the paper's model with two branches, in single or double precision.
+pub fn law_at<T: Real>(rate_hz: f64) -> Law<T> {
     let model = Preset::TABLE3_N2.model().expect("valid");
-    Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid")
+    Law::compressed(&model, LawOptions::at_step(1.0 / rate_hz)).expect("valid")
 }
 
-/// The same in single or double precision with a spring in series, which stiffens fivefold within the stroke.
+/// The same at 1 kHz.
+pub fn law<T: Real>() -> Law<T> {
+    law_at(1000.0)
+}
+
+/// The same with a spring in series, which stiffens fivefold within the stroke.
 pub fn law_in_series<T: Real>() -> Law<T> {
-    let model = Preset::TABLE3_N2.model().expect("valid");
     let spring = Spring::through(&[(-0.1e-3, -15.0), (0.0, 0.0), (0.2e-3, 40.0), (0.5e-3, 220.0)]).expect("valid");
-    Law::compressed(&model, LawOptions::at_step(1e-3)).and_then(|law| law.in_series(&spring)).expect("valid")
+    law().in_series(&spring).expect("valid")
 }
 
 /// Parameters of a board with that bench.
 pub fn board_parameters() -> Parameters {
     of_law(&law())
+}
+
+/// The same with a change.
+pub fn changed_parameters(change: impl FnOnce(&mut Parameters)) -> Parameters {
+    let mut parameters = board_parameters();
+    change(&mut parameters);
+    parameters
 }
 
 /// The same with a law of any size.
@@ -41,4 +52,17 @@ pub fn encoded<M: ControllerMemory>(parameters: &Parameters<M>, board: u16) -> V
     let mut bytes = [0; BLOB_LEN];
     let length = parameters.encode(board, &mut bytes).expect("valid");
     bytes[..length].to_vec()
+}
+
+/// Readings with a closed interlock, and a model that explains the film.
+pub fn readings(monitor_v: f32, displacement_m: f32, predicted_m: f32) -> Readings {
+    Readings {
+        interlock_closed: true,
+        monitor_v,
+        displacement_m,
+        predicted_m,
+        open_loop_m: predicted_m,
+        is_frozen: false,
+        disturbance_share: 0.0,
+    }
 }

@@ -4,11 +4,11 @@
 
 use dea_driver::{BLOB_LEN, Blob, BlobError, BlobHeader, Parameters, SCHEMA};
 use springpot::{
-    Actuator, AmplifierLag, Coefficients, Curve, Discretisation, Knot, Law, LawOptions, Maxwell, Measure, Preload,
-    Preset, Spring, Springpot, Topology,
+    Actuator, AmplifierLag, Coefficients, Compressed, Curve, Discretisation, Knot, Law, LawOptions, Maxwell, Measure,
+    Preload, Preset, Spring, Springpot, Topology,
 };
 
-use crate::bench::{encoded, law_in_series};
+use crate::bench::{encoded, law, law_in_series};
 
 const BOARD: u16 = 0x0405;
 const PRESET: &[u8] = include_bytes!("blobs/table3-n2.bin");
@@ -30,13 +30,38 @@ fn holds(stored: &Coefficients<f32>, law: &Law<f32>, (straight, model): (&Law<f3
     assert_eq!(stored, &Coefficients { reserved, ..law.coefficients() });
 }
 
+/// The parameters of a blob that was stored with this law in `schema`: they are those of the law, and a controller has it. With `SPRINGPOT_WRITE` the
+/// file is written first.
+fn stored(name: &str, schema: u16, law: &Law<f32>) -> Parameters {
+    let path = format!("{}/tests/driver/blobs/{name}.bin", env!("CARGO_MANIFEST_DIR"));
+    if std::env::var_os("SPRINGPOT_WRITE").is_some() {
+        std::fs::write(&path, encoded(&Parameters::bench(law, Actuator::KARNER_2022), BOARD)).expect("written");
+    }
+    let bytes = std::fs::read(path).expect("a blob");
+    assert_eq!(BlobHeader::read(&bytes).expect("a blob").schema, schema);
+    let sent = parameters(&bytes);
+    assert_eq!(sent.law, law.coefficients());
+    let blob: Blob = Blob::new(sent.clone()).expect("valid");
+    steps_as(&blob, law);
+    sent
+}
+
+/// A controller's law is the host's, to the bit.
+fn steps_as(blob: &Blob, law: &Law<f32>) {
+    let received = blob.follower().compensator().observer().law();
+    assert_eq!(received, law);
+    let (mut here, mut there) = (law.state(), received.state());
+    for k in 0..1000 {
+        let force_n = if k < 500 { 8.0 } else { 0.2 };
+        assert_eq!(received.displacement(&mut there, force_n), law.displacement(&mut here, force_n), "step {k}");
+    }
+}
+
 #[test]
 fn a_blob_is_read_and_written_byte_for_byte() {
     let preset = parameters(PRESET);
     assert_eq!(preset.actuator, Actuator::KARNER_2022);
-    let model = Preset::TABLE3_N2.model().expect("valid");
-    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
-    holds(&preset.law, &law, (&law, &model));
+    holds(&preset.law, &law(), (&law(), &Preset::TABLE3_N2.model().expect("valid")));
     assert_eq!(preset.rate_hz, 1000.0);
 }
 
@@ -77,21 +102,12 @@ fn a_blob_carries_the_curve_and_the_method() {
 /// A law with two curves, in the schema that came with them.
 #[test]
 fn a_blob_carries_both_curves() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/driver/blobs/beside-a-spring.bin");
     let model = Maxwell::new(Springpot::new(62_740.0, 0.2), &[], Topology::Parallel, 0.316).expect("valid");
     let spring = Spring::through(&[(-0.5e-3, -6.0), (0.0, 0.0), (1e-3, 11.0), (2e-3, 20.0)]).expect("valid");
     let measure = Measure { exponent: 0.0, length_m: 0.06 }.curve(-0.5e-3, 2e-3).expect("rises");
     let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
     let law = law.beside(&spring, &measure).expect("valid");
-    if std::env::var_os("SPRINGPOT_WRITE").is_some() {
-        std::fs::write(path, encoded(&Parameters::bench(&law, Actuator::KARNER_2022), BOARD)).expect("written");
-    }
-    let bytes = std::fs::read(path).expect("a blob");
-    assert_eq!(BlobHeader::read(&bytes).expect("a blob").schema, SCHEMA - 1);
-    let sent = parameters(&bytes);
-    assert_eq!(sent.law, law.coefficients());
-    let blob = Blob::<springpot::Compressed<f32>>::new(sent).expect("valid");
-    assert_eq!(blob.follower().compensator().observer().law(), &law);
+    stored("beside-a-spring", SCHEMA - 1, &law);
 
     // A curve of nine knots beside a spring of as many, with a name and the longest of the rest of a bench, still has room.
     let points: Vec<(f64, f64)> = (0..9).map(|k| 1e-4 * f64::from(k - 4)).map(|x| (x, 1e4 * x)).collect();
@@ -105,24 +121,7 @@ fn a_blob_carries_both_curves() {
 /// A law with a spring in series, in the schema that came with it. Its first knot alone says so: damage of that one is refused, as that of the spring.
 #[test]
 fn a_blob_carries_a_spring_in_series() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/driver/blobs/in-series.bin");
-    let law: Law<f32> = law_in_series();
-    if std::env::var_os("SPRINGPOT_WRITE").is_some() {
-        std::fs::write(path, encoded(&Parameters::bench(&law, Actuator::KARNER_2022), BOARD)).expect("written");
-    }
-    let bytes = std::fs::read(path).expect("a blob");
-    assert_eq!(BlobHeader::read(&bytes).expect("a blob").schema, SCHEMA);
-    let sent = parameters(&bytes);
-    assert_eq!(sent.law, law.coefficients());
-    let blob = Blob::<springpot::Compressed<f32>>::new(sent.clone()).expect("valid");
-    let received = blob.follower().compensator().observer().law();
-    assert_eq!(received, &law);
-    let (mut here, mut there) = (law.state(), received.state());
-    for k in 0..1000 {
-        let force_n = if k < 500 { 8.0 } else { 0.2 };
-        assert_eq!(received.displacement(&mut there, force_n), law.displacement(&mut here, force_n), "step {k}");
-    }
-
+    let sent = stored("in-series", SCHEMA, &law_in_series());
     let damages: [fn(&mut [Knot<f32>]); 8] = [
         |knots| knots[0].displacement = 1e-6,
         |knots| knots[0].displacement = f32::NAN,
@@ -136,7 +135,7 @@ fn a_blob_carries_a_spring_in_series() {
     for (index, damage) in damages.iter().enumerate() {
         let mut damaged = sent.clone();
         damage(&mut damaged.law.curve);
-        let refused = Blob::<springpot::Compressed<f32>>::new(damaged).err();
+        let refused = Blob::<Compressed<f32>>::new(damaged).err();
         assert!(matches!(refused, Some(BlobError::Law(_))), "{index}: {refused:?}");
     }
 }
@@ -150,12 +149,7 @@ fn parameters_and_blob_carry_the_method() {
         let sent = Parameters::bench(&law, Actuator::KARNER_2022);
         let blob = Blob::decode(&encoded(&sent, BOARD), BOARD).expect("valid");
         assert_eq!(blob.parameters(), &sent);
-        let received = blob.follower().compensator().observer().law();
-        assert_eq!(received.method(), method);
-        let (mut here, mut there) = (law.state(), received.state());
-        for k in 0..100 {
-            let force_n = if k < 50 { 1.0 } else { 0.2 };
-            assert_eq!(received.displacement(&mut there, force_n), law.displacement(&mut here, force_n), "step {k}");
-        }
+        assert_eq!(law.method(), method);
+        steps_as(&blob, &law);
     }
 }

@@ -1,11 +1,15 @@
 //! A board without hardware.
 
 use dea_driver::server::{Board, FlightRecorder, FlightSlot, Image, Session};
-use dea_driver::wire::{Answer, Command, FRAME_LEN, FlightRecord, InjectedFault, Message, Request, encode};
+use dea_driver::wire::{
+    Answer, Command, FRAME_LEN, FlightRecord, InjectedFault, Inspection, Message, Part, Request, encode,
+};
 use dea_driver::{Cause, Device, Drive, Inputs, RamFlash, Store};
 use serde::Serialize;
 
 pub const BOARD: u16 = 7;
+/// Bytes of an erasable part of its flash.
+pub const SECTOR: usize = 1024;
 
 /// A board whose amplifier and monitor follow at once, and whose film does not move.
 #[derive(Clone)]
@@ -123,6 +127,25 @@ impl Board for Bench {
     fn inject_fault(&mut self, fault: InjectedFault) -> bool {
         self.injected.as_mut().map(|faults| faults.push(fault)).is_some()
     }
+}
+
+/// A slot of the store as doc/blob.md describes it.
+pub fn slot(sequence: u32, blob: &[u8]) -> Vec<u8> {
+    let mut bytes = [&sequence.to_le_bytes()[..], &(!sequence).to_le_bytes(), blob].concat();
+    bytes.resize(SECTOR, 0xff);
+    bytes
+}
+
+/// Bytes of a blob with their checksum behind them.
+pub fn sealed(bytes: &[u8]) -> Vec<u8> {
+    let checksum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(bytes);
+    [bytes, &checksum.to_le_bytes()].concat()
+}
+
+/// What a board finds of its parts whose converters answer.
+pub fn inspection(interlock_closed: bool, enable_high: bool) -> Inspection {
+    let (dac, monitor, sensor) = (Part::Answers, Part::Answers, Part::Answers);
+    Inspection { interlock_closed, enable_high, dac, monitor, sensor, monitor_adc_v: 0.0, sensor_adc_v: 1.0 }
 }
 
 /// The bytes of a message on the line.

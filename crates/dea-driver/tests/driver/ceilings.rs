@@ -2,9 +2,9 @@
 
 use dea_driver::chips::{Ceilings, Converters};
 use dea_driver::wire::{Answer, Command, Reject};
-use dea_driver::{Blob, BlobError, Limits, Parameters, Store, StoreError};
+use dea_driver::{Blob, BlobError, Limits, RamFlash, Store, StoreError};
 
-use crate::bench::{board_parameters, encoded};
+use crate::bench::{board_parameters, changed_parameters, encoded};
 use crate::board::BOARD;
 use crate::host::Host;
 
@@ -39,29 +39,19 @@ fn no_parameters_exceed_a_ceiling() {
 #[test]
 fn an_upload_and_what_is_stored_keep_to_the_ceilings() {
     let ceilings = Ceilings { voltage_v: 6000.0, ..Ceilings::NONE };
-    let within = |name: &str| {
-        let mut parameters = Parameters { name: name.parse().expect("short"), ..board_parameters() };
-        parameters.limits.max_voltage_v = 6000.0;
-        encoded(&parameters, BOARD)
-    };
+    let within = encoded(&changed_parameters(|p| p.limits.max_voltage_v = 6000.0), BOARD);
     let beyond = encoded(&board_parameters(), BOARD);
     let mut host = Host::new(None);
-    host.bench.store =
-        Store::with_converters(dea_driver::RamFlash::default(), BOARD, board(ceilings)).expect("two sectors");
-    let commit = |bytes: &[u8], host: &mut Host| {
-        host.upload(bytes);
-        host.ask(Command::Commit { length: bytes.len() as u16 })
-    };
-    assert_eq!(commit(&within("first"), &mut host), Answer::Done);
+    host.bench.store = Store::with_converters(RamFlash::default(), BOARD, board(ceilings)).expect("two sectors");
+    assert_eq!(host.commit(&within), Answer::Done);
     let before = host.ask(Command::Query);
-    assert_eq!(commit(&beyond, &mut host), Answer::Rejected(Reject::Ceiling));
+    assert_eq!(host.commit(&beyond), Answer::Rejected(Reject::Ceiling));
     assert_eq!(host.ask(Command::Query), before);
-    host.upload(&beyond);
-    assert_eq!(host.ask(Command::Try { length: beyond.len() as u16 }), Answer::Rejected(Reject::Ceiling));
-    assert_eq!(host.ask(Command::Reload), Answer::Done);
+    assert_eq!(host.try_blob(&beyond), Answer::Rejected(Reject::Ceiling));
+    host.done(Command::Reload);
     assert_eq!(host.ask(Command::Query), before);
 
-    let mut earlier = Store::new(dea_driver::RamFlash::default(), BOARD).expect("two sectors");
+    let mut earlier = Store::new(RamFlash::default(), BOARD).expect("two sectors");
     earlier.save(&beyond).expect("allowed then");
     let mut now: Store<_> = Store::with_converters(earlier.destroy(), BOARD, board(ceilings)).expect("two sectors");
     let refused = now.load().err();

@@ -21,11 +21,6 @@ fn started(range: u8) -> Vec<OnSpi<u8>> {
     [written([0x19, 0, 0xc]), written([0x08, 0, range]), written([0x00, 0, 0]), written([0x10, 0, 1])].concat()
 }
 
-/// On 0…10 V.
-fn start_up() -> Vec<OnSpi<u8>> {
-    started(1)
-}
-
 /// Disabled, and asked for its power.
 fn idle() -> Vec<OnSpi<u8>> {
     [written([0x00, 0, 0]).to_vec(), asked(0x10, [0, 1])].concat()
@@ -49,15 +44,10 @@ fn commanded(code: [u8; 2], before: [u8; 2]) -> Vec<OnSpi<u8>> {
     [written([0x80, 0, 0]), exchanged([0x00, code[0], code[1]], [0x80, before[0], before[1]])].concat()
 }
 
-/// An amplifier whose bus sees `expected`, and whose enable output is set to `levels`, while `work` uses it.
-fn amplifier(
-    range: CommandRange,
-    expected: &[Vec<OnSpi<u8>>],
-    levels: &[OnPin],
-    work: impl FnOnce(&mut Amplifier<Spi<u8>, Pin>),
-) {
+/// An amplifier on 0 to 10 V whose bus sees `expected`, and whose enable output is set to `levels`, while `work` uses it.
+fn amplifier(expected: &[Vec<OnSpi<u8>>], levels: &[OnPin], work: impl FnOnce(&mut Amplifier<Spi<u8>, Pin>)) {
     let (spi, pin) = (Spi::new(&expected.concat()), Pin::new(levels));
-    let mut amplifier = Amplifier::new(spi, pin, range).expect("written");
+    let mut amplifier = Amplifier::new(spi, pin, CommandRange::TenVolts).expect("written");
     work(&mut amplifier);
     let (mut spi, mut pin) = amplifier.destroy();
     spi.done();
@@ -77,7 +67,7 @@ fn high() -> OnPin {
 fn amplifier_applies_the_drive_of_a_tick() {
     let range = CommandRange::FiveVolts;
     let expected = [
-        start_up(),
+        started(1),
         written([0x00, 0, 0]).to_vec(), // off, as it was
         started(0),                     // 0…5 V, 0 V again
         asked(0x10, [0, 1]),
@@ -86,7 +76,7 @@ fn amplifier_applies_the_drive_of_a_tick() {
         commanded([0x56, 0x78], [0x12, 0x34]),
         idle(), // off
     ];
-    amplifier(CommandRange::TenVolts, &expected, &[low(), low(), high(), low()], |amplifier| {
+    amplifier(&expected, &[low(), low(), high(), low()], |amplifier| {
         let on = |code| Drive { enable: true, dac_v: DacCode(code).volts(range), range };
         for drive in [Drive::OFF, on(0x1234), on(0x5678), Drive::OFF] {
             amplifier.apply(drive).expect("answers");
@@ -99,14 +89,14 @@ fn amplifier_applies_the_drive_of_a_tick() {
 fn pins_are_low_whatever_the_bus_does() {
     let refuses = |level| OnPin::set(level).with_error(MockError::Io(ErrorKind::Other));
     // The output that refuses to rise.
-    let expected = [start_up(), enabling(1), written([0x00, 0, 0]).to_vec()];
-    amplifier(CommandRange::TenVolts, &expected, &[low(), refuses(State::High), low()], |amplifier| {
+    let expected = [started(1), enabling(1), written([0x00, 0, 0]).to_vec()];
+    amplifier(&expected, &[low(), refuses(State::High), low()], |amplifier| {
         assert_eq!(amplifier.enable(), Err(AmplifierError::Enable));
         amplifier.disable().expect("both are tried");
     });
     // The enable output is tried first, and the command all the same.
-    let expected = [start_up(), written([0x00, 0, 0]).to_vec()];
-    amplifier(CommandRange::TenVolts, &expected, &[low(), refuses(State::Low)], |amplifier| {
+    let expected = [started(1), written([0x00, 0, 0]).to_vec()];
+    amplifier(&expected, &[low(), refuses(State::Low)], |amplifier| {
         assert_eq!(amplifier.disable(), Err(AmplifierError::Enable));
     });
 }
@@ -127,7 +117,7 @@ fn a_dac_that_does_not_hold_what_it_was_sent_is_not_enabled() {
         ([ranged.clone(), asked(0x10, [0x00, 0x21])].concat(), 1, 0x21),
         ([ranged, power, asked(0x00, [0x80, 0])].concat(), 0, 0x8000),
     ] {
-        amplifier(CommandRange::TenVolts, &[start_up(), start_up(), answers], &[low()], |amplifier| {
+        amplifier(&[started(1), started(1), answers], &[low()], |amplifier| {
             let drive = Drive { enable: true, dac_v: 0.0, range: CommandRange::TenVolts };
             assert_eq!(amplifier.apply(drive), Err(AmplifierError::Readback { wanted, found }));
         });
@@ -139,8 +129,8 @@ fn a_dac_that_does_not_hold_what_it_was_sent_is_not_enabled() {
 fn a_dac_that_dies_is_noticed_with_the_next_command() {
     for found in [0, 0xffff] {
         let (first, second) = (commanded([0x40, 0], [0, 0]), commanded([0x40, 1], u16::to_be_bytes(found)));
-        let expected = [start_up(), enabling(1), first, second, written([0x00, 0, 0]).to_vec()];
-        amplifier(CommandRange::TenVolts, &expected, &[low(), high(), low()], |amplifier| {
+        let expected = [started(1), enabling(1), first, second, written([0x00, 0, 0]).to_vec()];
+        amplifier(&expected, &[low(), high(), low()], |amplifier| {
             amplifier.enable().expect("answers");
             amplifier.command(DacCode(0x4000)).expect("answers");
             assert_eq!(amplifier.command(DacCode(0x4001)), Err(AmplifierError::Readback { wanted: 0x4000, found }));
@@ -155,8 +145,8 @@ fn a_missing_dac_shows_before_arming() {
     let absent = [written([0x00, 0, 0]).to_vec(), asked(0x10, [0, 0])].concat();
     let still_absent = [written([0x00, 0, 0]).to_vec(), started(1), asked(0x10, [0xff, 0xff])].concat();
     let back = [written([0x00, 0, 0]).to_vec(), started(1), asked(0x10, [0, 1])].concat();
-    let expected = [start_up(), idle(), absent, still_absent, back, idle()];
-    amplifier(CommandRange::TenVolts, &expected, &[0; 6].map(|_| low()), |amplifier| {
+    let expected = [started(1), idle(), absent, still_absent, back, idle()];
+    amplifier(&expected, &[0; 6].map(|_| low()), |amplifier| {
         let missing = |found| Err(AmplifierError::Readback { wanted: 1, found });
         for answer in [Ok(()), missing(0), missing(0xa1), Ok(()), Ok(())] {
             assert_eq!(amplifier.apply(Drive { range: CommandRange::TenVolts, ..Drive::OFF }), answer);

@@ -1,8 +1,8 @@
 //! A film in its circuit, and the monitor of its current.
 
-use dea_driver::chips::{AdcCode, AdcRange, Calibration, Converters};
+use dea_driver::chips::{AdcCode, AdcRange, Calibration, CommandRange, Converters, DacCode};
 use dea_driver::wire::boards;
-use dea_driver::{Control, OnSensorFault, Parameters, SelfSensor};
+use dea_driver::{Control, OnSensorFault, Outputs, Parameters, SelfSensor};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -21,6 +21,18 @@ const CABLE_F: f64 = 100e-12;
 /// The monitor's current per volt, A, and its output at 0 A, V.
 const PER_VOLT_A: f64 = 50e-6;
 const MIDDLE_V: f64 = 5.0;
+
+/// Reading of an ADC of 0 to 10.24 V: the code that is nearest to `volts` and so many `codes` more, V.
+pub fn converted(volts: f64, codes: f64) -> f32 {
+    let code = (volts / 10.24 * 65_536.0 + codes).round().clamp(0.0, 65_535.0);
+    AdcCode(code as u16).volts(AdcRange::UpTo10V24)
+}
+
+/// The high voltage of an amplifier of 1000:1 without any lag, V.
+pub fn amplified(outputs: &Outputs, range: CommandRange) -> f64 {
+    let command_v = f64::from(DacCode::from_volts(outputs.dac_v, range).volts(range));
+    if outputs.enable { 1000.0 * command_v } else { 0.0 }
+}
 
 /// A film behind its electrodes, with a leak, beside a cable, on an amplifier that steps at the begin of a tick.
 #[derive(Clone)]
@@ -62,8 +74,7 @@ impl Circuit {
         self.amplifier_v = volts;
         let noise: f64 = StandardNormal.sample(&mut self.random);
         let shown_a = self.gain * ((volts - mean_v) / self.electrodes_ohm + cable_a) + 1e-6;
-        let adc_v = MIDDLE_V + self.stuck_a.unwrap_or(shown_a) / PER_VOLT_A;
-        AdcCode((adc_v / 10.24 * 65_536.0 + 2.0 * noise).round() as u16).volts(AdcRange::UpTo10V24)
+        converted(MIDDLE_V + self.stuck_a.unwrap_or(shown_a) / PER_VOLT_A, 2.0 * noise)
     }
 }
 

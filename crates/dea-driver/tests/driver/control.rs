@@ -1,24 +1,18 @@
 //! The control tick around a simulated film.
 
 use dea_driver::chips::{Calibration, DacCode};
-use dea_driver::{Cause, Controller, DriverState, Inputs, Mode, OnSensorFault, Refusal, SensorFault};
+use dea_driver::{Cause, Controller, DriverState, Inputs, Mode, Parameters, Refusal, SensorFault};
 use springpot::Limited;
 
-use crate::bench::board_parameters;
-use crate::film_bench::{FilmBench as Bench, adc_v};
+use crate::film_bench::{FilmBench as Bench, adc_v, rides_through};
 
 #[test]
 fn follows_the_voltage_that_was_set_and_observes() {
     let mut bench = Bench::new();
     bench.start(Mode::Voltage);
     bench.set_voltage(4000.0);
-    let mut outputs = bench.tick(|_| ());
-    for tick in 0..3000 {
-        if tick % 100 == 0 {
-            bench.controller.heartbeat();
-        }
-        outputs = bench.tick(|_| ());
-    }
+    bench.run(3000);
+    let outputs = bench.tick(|_| ());
     assert_eq!(bench.state(), DriverState::Running);
     assert_eq!(bench.code(&outputs), DacCode(26_214), "4 V of 10 V");
     // The estimate is where the film is, to the sensor's noise of 0…5 µm.
@@ -31,9 +25,8 @@ fn follows_the_voltage_that_was_set_and_observes() {
 /// An amplifier that is above 0 V at a command of 0 V cannot be brought below: a DAC of both signs must not be asked to.
 #[test]
 fn the_dac_is_never_asked_for_less_than_0_v() {
-    let mut parameters = board_parameters();
-    parameters.amplifier = Calibration::Parabola { offset: 20.0, gain: 1000.0, quadratic: 0.0 };
-    let mut bench = Bench::with(parameters);
+    let offset = Calibration::Parabola { offset: 20.0, gain: 1000.0, quadratic: 0.0 };
+    let mut bench = Bench::changed(|p| p.amplifier = offset);
     bench.start(Mode::Voltage);
     assert_eq!(bench.tick(|_| ()).dac_v, 0.0);
     bench.set_voltage(1000.0);
@@ -65,10 +58,7 @@ fn feedforward_holds_a_creeping_film() {
     bench.set_reference(0.8e-3);
     let mut voltages = Vec::new();
     for tick in 0..20_000 {
-        if tick % 100 == 0 {
-            bench.controller.heartbeat();
-        }
-        let outputs = bench.tick(|_| ());
+        let outputs = bench.live_tick(|_| ());
         if tick > 1000 {
             voltages.push(outputs.telemetry.command_v);
             assert!((bench.displacement_m - 0.8e-3).abs() < 2e-6, "tick {tick}: {} m", bench.displacement_m);
@@ -84,19 +74,9 @@ fn tracking_follows_a_film_that_the_model_does_not_know() {
     let off = |mode| {
         let mut bench = Bench { force_scale: 0.9, ..Bench::new() };
         bench.start(mode);
-        let mut largest = 0.0f64;
-        for tick in 0..20_000 {
-            // Up within two seconds, then swinging, slowly enough for the bandwidth.
-            let time_s = f64::from(tick) / 1000.0;
-            let reference = 0.8e-3 * (time_s / 2.0).min(1.0) - 0.1e-3 * (0.6 * time_s).sin();
-            bench.set_reference(reference as f32);
-            bench.tick(|_| ());
-            if tick > 10_000 {
-                largest = largest.max((bench.displacement_m - reference).abs());
-            }
-        }
-        assert_eq!(bench.state(), DriverState::Running);
-        (largest, bench.tick(|_| ()).telemetry)
+        // Up within two seconds, then swinging, slowly enough for the bandwidth.
+        let reference_m = |time_s: f64| 0.8e-3 * (time_s / 2.0).min(1.0) - 0.1e-3 * (0.6 * time_s).sin();
+        (bench.track(0..20_000, 10_000, reference_m), bench.tick(|_| ()).telemetry)
     };
     let (feedforward, _) = off(Mode::Feedforward);
     let (tracking, sample) = off(Mode::Tracking);
@@ -111,10 +91,7 @@ fn tracking_follows_a_film_that_the_model_does_not_know() {
 fn what_was_learned_is_forgotten_when_a_trip_is_acknowledged() {
     let mut bench = Bench { force_scale: 0.9, ..Bench::new() };
     bench.start(Mode::Tracking);
-    for tick in 0..20_000 {
-        bench.set_reference((0.8e-3 - 0.2e-3 * (1.2e-3 * f64::from(tick)).sin()) as f32);
-        bench.tick(|_| ());
-    }
+    bench.track(0..20_000, 0, |time_s| 0.8e-3 - 0.2e-3 * (1.2 * time_s).sin());
     let shown = bench.tick(|inputs| inputs.interlock_closed = false).telemetry;
     assert!((shown.force_scale - 1.0).abs() > 0.05 && shown.disturbance_n.abs() > 1e-3, "{shown:?}");
     bench.ask(Controller::acknowledge).expect("tripped");
@@ -125,20 +102,13 @@ fn what_was_learned_is_forgotten_when_a_trip_is_acknowledged() {
 /// With a sensor that may fail, tracking goes on without it, and comes back to it, without a jump.
 #[test]
 fn tracking_goes_on_without_its_sensor() {
-    let mut parameters = board_parameters();
-    parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
-    let mut bench = Bench { force_scale: 0.95, ..Bench::with(parameters) };
+    let mut bench = Bench { force_scale: 0.95, ..Bench::changed(rides_through) };
     bench.start(Mode::Tracking);
     bench.set_reference(0.8e-3);
     let mut before = None;
     for tick in 0..20_000 {
-        bench.controller.heartbeat();
-        let unplugged = (10_000..15_000).contains(&tick);
-        let outputs = bench.tick(|inputs| {
-            if unplugged {
-                inputs.sensor_adc_v = Some(adc_v(u16::MAX));
-            }
-        });
+        bench.is_unplugged = (10_000..15_000).contains(&tick);
+        let outputs = bench.live_tick(|_| ());
         assert_eq!(bench.state(), DriverState::Running, "tick {tick}");
         if tick > 5000 {
             assert!((bench.displacement_m - 0.8e-3).abs() < 15e-6, "tick {tick}: {} m", bench.displacement_m);
@@ -157,8 +127,7 @@ fn voltages_may_be_played_without_a_film() {
     for step in 0..20u16 {
         bench.set_voltage(300.0 * f32::from(step));
         for tick in 0..1000u16 {
-            bench.controller.heartbeat();
-            bench.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(6400 + tick % 3)));
+            bench.live_tick(|inputs| inputs.sensor_adc_v = Some(adc_v(6400 + tick % 3)));
             assert_eq!(bench.state(), DriverState::Running, "step {step}, tick {tick}");
         }
     }
@@ -170,10 +139,8 @@ fn voltages_may_be_played_without_a_film() {
 #[test]
 fn the_field_limit_knows_the_longer_of_sensor_and_model() {
     for force_scale in [1.3, 0.7] {
-        let mut parameters = board_parameters();
-        parameters.limits.max_field_v_per_m = 3e7;
-        parameters.limits.max_disturbance_share = 0.4;
-        let mut bench = Bench { force_scale, ..Bench::with(parameters) };
+        let thin = |p: &mut Parameters| (p.limits.max_field_v_per_m, p.limits.max_disturbance_share) = (3e7, 0.4);
+        let mut bench = Bench { force_scale, ..Bench::changed(thin) };
         let (mut model, mut longest_m) = (bench.law.state(), 0.0f64);
         let mut tick = |bench: &mut Bench, closed: bool| {
             let command_v = f64::from(bench.tick(|inputs| inputs.interlock_closed = closed).telemetry.command_v);
@@ -206,11 +173,10 @@ fn the_field_limit_knows_the_longer_of_sensor_and_model() {
 /// An implausible value of the sensor does not move the voltage.
 #[test]
 fn an_implausible_sensor_does_not_limit_the_field() {
-    let mut parameters = board_parameters();
-    parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
-    parameters.limits.max_field_v_per_m = 3e7;
-    parameters.actuator.stretch_coupling = 29.0;
-    let mut bench = Bench::with(parameters);
+    let mut bench = Bench::changed(|p| {
+        rides_through(p);
+        (p.limits.max_field_v_per_m, p.actuator.stretch_coupling) = (3e7, 29.0);
+    });
     bench.start(Mode::Voltage);
     bench.set_voltage(4500.0);
     bench.run(300);
@@ -236,16 +202,13 @@ fn the_model_feels_the_last_tick_before_a_trip() {
 /// With parameters for it, the driver needs no displacement sensor at all.
 #[test]
 fn feedforward_needs_no_sensor() {
-    let mut parameters = board_parameters();
-    parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
-    let mut bench = Bench::with(parameters);
+    let mut bench = Bench::changed(rides_through);
     bench.tick(|inputs| inputs.sensor_adc_v = None);
     bench.ask(Controller::arm).expect("no sensor is needed");
     bench.start_armed(Mode::Feedforward);
     bench.set_reference(0.8e-3);
     for tick in 0..5000 {
-        bench.controller.heartbeat();
-        bench.tick(|inputs| inputs.sensor_adc_v = None);
+        bench.live_tick(|inputs| inputs.sensor_adc_v = None);
         assert!(tick < 1000 || (bench.displacement_m - 0.8e-3).abs() < 2e-6, "tick {tick}: {} m", bench.displacement_m);
     }
     assert_eq!(bench.state(), DriverState::Running);

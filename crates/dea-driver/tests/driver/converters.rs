@@ -4,17 +4,15 @@
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
-use converter_chips::{Ad5754, Ads868x as AdcChip, Clock, Line, Rule, SpiBus, SpiTiming, Variant};
+use converter_chips::{Ad5754, Ads868x as AdcChip, Clock, Line, Rule, SpiBus, SpiTiming, SpiWire, Variant, Violation};
 use dea_driver::chips::{AdcRange, CommandRange, Reference};
 use dea_driver::{
-    AdcError, Ads868x, Amplifier, AmplifierError, Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Limits,
-    Mode, Parameters,
+    AdcError, Ads868x, Amplifier, AmplifierError, Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Mode,
 };
 use embedded_hal::digital::OutputPin;
-use embedded_hal::spi::{MODE_0, MODE_1, SpiDevice};
-use springpot::{Actuator, Law, LawOptions, Preset};
+use embedded_hal::spi::{MODE_0, MODE_1};
 
-use crate::bench::bench_limits;
+use crate::bench::{law_at, of_law};
 
 const VARIANTS: [Variant; 3] = [Variant::Ads8681, Variant::Ads8685, Variant::Ads8689];
 
@@ -31,14 +29,14 @@ const BOARD: SpiTiming = SpiTiming {
 type Shared<C> = Rc<RefCell<C>>;
 
 /// A perfect amplifier of 1000 V per volt between the converters, and a sensor at 1 V with some noise.
-struct Bench<DAC, EN> {
+struct Bench<EN> {
     clock: Clock,
     dac: Shared<Ad5754>,
     monitor_chip: Shared<AdcChip>,
     sensor_chip: Shared<AdcChip>,
-    amplifier: Amplifier<DAC, EN>,
-    monitor: Ads868x<converter_chips::SpiWire>,
-    sensor: Ads868x<converter_chips::SpiWire>,
+    amplifier: Amplifier<SpiWire, EN>,
+    monitor: Ads868x<SpiWire>,
+    sensor: Ads868x<SpiWire>,
     device: Device,
     enable: Rc<Cell<bool>>,
     period_ns: u64,
@@ -50,51 +48,44 @@ struct Bench<DAC, EN> {
     read: Result<f32, AdcError>,
 }
 
-fn parameters(rate_hz: f32) -> Parameters {
-    let model = Preset::TABLE3_N2.model().expect("valid");
-    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1.0 / f64::from(rate_hz))).expect("valid");
-    let limits: Limits = bench_limits();
-    Parameters { limits, ..Parameters::bench(&law, Actuator::KARNER_2022) }
-}
-
-/// A bench that has just been switched on. `dac` is the wire to the DAC, if there is one.
-fn bench(variant: Variant, rate_hz: f32, timing: SpiTiming) -> Bench<converter_chips::SpiWire, impl OutputPin> {
-    with_dac(variant, rate_hz, timing, true, |bus, dac| bus.connect(dac, MODE_1))
-}
-
-/// The same with this DAC on this reference.
-fn with_reference(chip: Ad5754, reference: Reference) -> Bench<converter_chips::SpiWire, impl OutputPin> {
-    let wire = |bus: &SpiBus, dac: &Shared<Ad5754>| bus.connect(dac, MODE_1);
-    with_parts(Variant::Ads8681, 1000.0, BOARD, true, (chip, reference), wire)
-}
-
-fn with_dac<D: SpiDevice>(
+/// Parts of a bench, and how they are wired.
+struct Parts {
     variant: Variant,
     rate_hz: f32,
     timing: SpiTiming,
+    /// CLR is at the enable output, not at 3.3 V.
     clr_at_enable: bool,
-    wire: impl FnOnce(&SpiBus, &Shared<Ad5754>) -> D,
-) -> Bench<D, impl OutputPin> {
-    with_parts(variant, rate_hz, timing, clr_at_enable, (Ad5754::new(), Reference::External), wire)
+    dac: Ad5754,
+    reference: Reference,
+    /// The level of the DAC's line, where no DAC is on it.
+    absent: Option<bool>,
 }
 
-fn with_parts<D: SpiDevice>(
-    variant: Variant,
-    rate_hz: f32,
-    timing: SpiTiming,
-    clr_at_enable: bool,
-    (chip, reference): (Ad5754, Reference),
-    wire: impl FnOnce(&SpiBus, &Shared<Ad5754>) -> D,
-) -> Bench<D, impl OutputPin> {
+impl Default for Parts {
+    fn default() -> Self {
+        Self {
+            variant: Variant::Ads8681,
+            rate_hz: 1000.0,
+            timing: BOARD,
+            clr_at_enable: true,
+            dac: Ad5754::new(),
+            reference: Reference::External,
+            absent: None,
+        }
+    }
+}
+
+/// A bench that has just been switched on.
+fn bench(parts: Parts) -> Bench<impl OutputPin> {
+    let Parts { variant, rate_hz, timing, clr_at_enable, dac, reference, absent } = parts;
     let clock = Clock::new();
     clock.advance(100_000_000);
     let (dac_bus, adc_bus) = (SpiBus::new(&clock, timing), SpiBus::new(&clock, timing));
-    let dac = Rc::new(RefCell::new(chip));
+    let dac = Rc::new(RefCell::new(dac));
     dac.borrow_mut().set_ldac(false, clock.now());
     dac.borrow_mut().set_clr(!clr_at_enable, clock.now());
     let enable = Rc::new(Cell::new(false));
     let pin = {
-        // CLR is at the enable output, or at 3.3 V.
         let (dac, enable) = (Rc::clone(&dac), Rc::clone(&enable));
         Line::new(&clock, 50, move |level, now| {
             enable.set(level);
@@ -110,10 +101,11 @@ fn with_parts<D: SpiDevice>(
     let [monitor_chip, sensor_chip] = [(); 2].map(|()| Rc::new(RefCell::new(AdcChip::new(variant))));
     monitor_chip.borrow_mut().set_input_fn(film);
     sensor_chip.borrow_mut().set_input_fn(|now| 1.0 + 4e-4 * ((now / 1000) % 7) as f64);
-    let amplifier = Amplifier::with_reference(wire(&dac_bus, &dac), pin, CommandRange::FiveVolts, reference);
+    let wire = absent.map_or_else(|| dac_bus.connect(&dac, MODE_1), |level| dac_bus.absent(level));
+    let amplifier = Amplifier::with_reference(wire, pin, CommandRange::FiveVolts, reference);
     let amplifier = amplifier.unwrap_or_else(|_| panic!("a bus"));
     let mut device = Device::new(None);
-    device.install(Controller::new(Blob::new(parameters(rate_hz)).expect("valid"))).expect("disarmed");
+    device.install(Controller::new(Blob::new(of_law(&law_at(rate_hz.into()))).expect("valid"))).expect("disarmed");
     Bench {
         monitor: Ads868x::new(adc_bus.connect(&monitor_chip, MODE_0), AdcRange::UpTo10V24),
         sensor: Ads868x::new(adc_bus.connect(&sensor_chip, MODE_0), AdcRange::UpTo10V24),
@@ -132,7 +124,7 @@ fn with_parts<D: SpiDevice>(
     }
 }
 
-impl<DAC: SpiDevice, EN: OutputPin> Bench<DAC, EN> {
+impl<EN: OutputPin> Bench<EN> {
     /// A tick as the firmware has it.
     fn tick(&mut self) {
         self.ticks += 1;
@@ -167,6 +159,14 @@ impl<DAC: SpiDevice, EN: OutputPin> Bench<DAC, EN> {
         self.start();
         self.device.set_voltage(2000.0).expect("within the limits");
         self.ticks(100);
+    }
+
+    /// It is acknowledged, and runs as before.
+    fn comes_back(&mut self) {
+        self.ticks(5);
+        self.device.acknowledge().expect("tripped");
+        self.run_at_2_kv();
+        assert!((self.film_v() - 2000.0).abs() < 0.1 && self.state() == DriverState::Running, "{} V", self.film_v());
     }
 
     /// A tick before which the DAC was without its digital supply for a microsecond.
@@ -211,7 +211,7 @@ impl<DAC: SpiDevice, EN: OutputPin> Bench<DAC, EN> {
 fn a_run_breaks_no_rule_of_the_data_sheets() {
     for (variant, clr_at_enable) in VARIANTS.map(|variant| (variant, true)).into_iter().chain([(VARIANTS[0], false)]) {
         for rate_hz in [100.0, 1000.0, 5000.0] {
-            let mut bench = with_dac(variant, rate_hz, BOARD, clr_at_enable, |bus, dac| bus.connect(dac, MODE_1));
+            let mut bench = bench(Parts { variant, rate_hz, clr_at_enable, ..Parts::default() });
             bench.start();
             bench.device.set_voltage(3000.0).expect("within the limits");
             bench.ticks((0.2 * rate_hz) as u32);
@@ -233,7 +233,7 @@ fn a_run_breaks_no_rule_of_the_data_sheets() {
 #[test]
 fn a_ramp_at_full_slew_does_not_trip() {
     for rate_hz in [100.0, 200.0, 500.0, 1000.0, 5000.0] {
-        let mut bench = bench(Variant::Ads8689, rate_hz, BOARD);
+        let mut bench = bench(Parts { variant: Variant::Ads8689, rate_hz, ..Parts::default() });
         bench.start();
         for target_v in [6000.0, 0.0, 6000.0, 500.0] {
             bench.device.set_voltage(target_v).expect("within the limits");
@@ -247,7 +247,7 @@ fn a_ramp_at_full_slew_does_not_trip() {
 /// The erratum of slow pads: the last bit of a received byte is that of the byte before. Nothing is set up, so nothing is armed.
 #[test]
 fn a_last_bit_that_is_read_wrong_is_no_reading() {
-    let mut bench = bench(Variant::Ads8681, 1000.0, SpiTiming { slow_pad: true, ..BOARD });
+    let mut bench = bench(Parts { timing: SpiTiming { slow_pad: true, ..BOARD }, ..Parts::default() });
     for _ in 0..50 {
         bench.tick();
         let fault = AdcError::Range { wanted: 9, found: 8 };
@@ -261,18 +261,17 @@ fn a_last_bit_that_is_read_wrong_is_no_reading() {
 #[test]
 fn an_adc_whose_supply_dips_shows_and_comes_back() {
     for runs in [false, true] {
-        let mut bench = bench(Variant::Ads8685, 1000.0, BOARD);
+        let mut bench = bench(Parts { variant: Variant::Ads8685, ..Parts::default() });
         if runs {
             bench.start();
             bench.device.set_voltage(1000.0).expect("within the limits");
         }
         bench.ticks(200);
         assert!(bench.read.is_ok());
-        let now = bench.clock.now();
-        bench.monitor_chip.borrow_mut().set_avdd(false, now);
-        bench.monitor_chip.borrow_mut().set_dvdd(false, now);
-        bench.monitor_chip.borrow_mut().set_dvdd(true, now + 10_000);
-        bench.monitor_chip.borrow_mut().set_avdd(true, now + 10_000);
+        for (on, at_ns) in [(false, bench.clock.now()), (true, bench.clock.now() + 10_000)] {
+            bench.monitor_chip.borrow_mut().set_dvdd(on, at_ns);
+            bench.monitor_chip.borrow_mut().set_avdd(on, at_ns);
+        }
         bench.tick();
         assert!(bench.read.is_err(), "{:?}", bench.read);
         assert_eq!(bench.state(), if runs { DriverState::Tripped(Cause::Bus) } else { DriverState::Disarmed });
@@ -286,7 +285,7 @@ fn an_adc_whose_supply_dips_shows_and_comes_back() {
 #[test]
 fn a_missing_dac_shows_and_is_not_enabled() {
     for level in [false, true] {
-        let mut bench = with_dac(Variant::Ads8681, 1000.0, BOARD, true, |bus, _| bus.absent(level));
+        let mut bench = bench(Parts { absent: Some(level), ..Parts::default() });
         bench.ticks(20);
         assert!(matches!(bench.applied, Err(AmplifierError::Readback { wanted: 1, .. })), "{:?}", bench.applied);
         bench.arming_trips();
@@ -297,21 +296,18 @@ fn a_missing_dac_shows_and_is_not_enabled() {
 /// Back again, it is started anew before it is enabled.
 #[test]
 fn a_dac_whose_supply_dips_trips_and_comes_back() {
-    let mut bench = bench(Variant::Ads8681, 1000.0, BOARD);
+    let mut bench = bench(Parts::default());
     bench.run_at_2_kv();
     bench.tick_after_dip();
     assert_eq!((bench.state(), bench.enable.get()), (DriverState::Tripped(Cause::Bus), false));
-    bench.ticks(5);
-    bench.device.acknowledge().expect("tripped");
-    bench.run_at_2_kv();
-    assert!((bench.film_v() - 2000.0).abs() < 0.1 && bench.state() == DriverState::Running);
+    bench.comes_back();
 }
 
 /// Thermal shutdown and the current limit are on, and a chip that is too hot or at its limit is not enabled.
 #[test]
 fn a_dac_at_its_limits_is_not_enabled() {
     for hot in [true, false] {
-        let mut bench = bench(Variant::Ads8681, 1000.0, BOARD);
+        let mut bench = bench(Parts::default());
         bench.ticks(20);
         assert_eq!(bench.dac.borrow().control_bits() & 0xc, 0xc);
         let now = bench.clock.now();
@@ -329,25 +325,22 @@ fn a_dac_at_its_limits_is_not_enabled() {
 /// An AD5754R on its own reference runs; an AD5754 that was taken for one is refused by its name before it is enabled.
 #[test]
 fn a_dac_on_its_own_reference_runs_and_one_without_is_refused() {
-    for (chip, reference) in [
+    for (dac, reference) in [
         (Ad5754::with_reference(false), Reference::Internal),
         (Ad5754::with_reference(true), Reference::External),
         (Ad5754::new(), Reference::External),
     ] {
-        let mut bench = with_reference(chip, reference);
+        let mut bench = bench(Parts { dac, reference, ..Parts::default() });
         bench.run_at_2_kv();
         assert!((bench.film_v() - 2000.0).abs() < 0.1, "{reference:?}: {} V", bench.film_v());
-        let two = |violation: &converter_chips::Violation| violation.rule == Rule::TwoReferences;
+        let two = |violation: &Violation| violation.rule == Rule::TwoReferences;
         assert!(!bench.dac.borrow().violations().iter().any(two), "two references drive one pin");
         // A dip of its supply switches the reference off; it is noticed with the next tick, and comes back.
         bench.tick_after_dip();
         assert_eq!(bench.state(), DriverState::Tripped(Cause::Bus), "{reference:?}");
-        bench.ticks(5);
-        bench.device.acknowledge().expect("tripped");
-        bench.run_at_2_kv();
-        assert!((bench.film_v() - 2000.0).abs() < 0.1, "{reference:?}: {} V", bench.film_v());
+        bench.comes_back();
     }
-    let mut bench = with_reference(Ad5754::new(), Reference::Internal);
+    let mut bench = bench(Parts { reference: Reference::Internal, ..Parts::default() });
     bench.ticks(20);
     assert_eq!(bench.applied, Err(AmplifierError::NoReference));
     bench.arming_trips();
@@ -356,7 +349,7 @@ fn a_dac_on_its_own_reference_runs_and_one_without_is_refused() {
 /// Nothing that is read back shows that a reference is missing: the monitor does, and trips.
 #[test]
 fn a_dac_without_its_reference_trips_with_the_monitor() {
-    let mut bench = with_reference(Ad5754::with_reference(false), Reference::External);
+    let mut bench = bench(Parts { dac: Ad5754::with_reference(false), ..Parts::default() });
     bench.run_at_2_kv();
     assert_eq!(bench.state(), DriverState::Tripped(Cause::Monitor));
 }

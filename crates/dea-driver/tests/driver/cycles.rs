@@ -6,19 +6,17 @@ use dea_driver::{
     Blob, BlobError, Cause, Control, Controller, DriverState, LearningOrder, Limits, Mode, OnSensorFault, Parameters,
     SensorFault,
 };
-use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
-use rand_pcg::Pcg64;
 use springpot::ControlError;
 
-use crate::bench::board_parameters;
-use crate::film_bench::{FilmBench as Bench, adc_v};
+use crate::bench::changed_parameters;
+use crate::film_bench::{FilmBench as Bench, rides_through};
+use crate::sensor_faults::{Sensor, run_along};
 
 fn parameters(harmonics: u8, period_s: f32) -> Parameters {
-    let control = Control { harmonics, period_s, delay_s: 0.0, ..Control::BENCH };
-    let mut parameters = Parameters { control, ..board_parameters() };
-    parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
-    parameters
+    changed_parameters(|p| {
+        rides_through(p);
+        p.control = Control { harmonics, period_s, delay_s: 0.0, ..Control::BENCH };
+    })
 }
 
 /// A film with a tenth less force than the model's.
@@ -32,18 +30,11 @@ fn run(bench: &mut Bench, seconds: u32, is_lost: impl Fn(u32) -> bool) -> Vec<[f
     let tick = |bench: &mut Bench, k: u32| {
         let reference = 0.6e-3 - 0.15e-3 * (TAU * f64::from(k) / 1000.0).cos();
         bench.set_reference(reference as f32);
-        let lost = is_lost(k / 1000);
-        let outputs = bench.tick(|inputs| {
-            if lost {
-                inputs.sensor_adc_v = Some(adc_v(u16::MAX));
-            }
-        });
+        bench.is_unplugged = is_lost(k / 1000);
+        let outputs = bench.tick(|_| ());
         assert_eq!(bench.state(), DriverState::Running, "tick {k}");
         let shaped = f64::from(outputs.telemetry.reference_m);
-        assert!(
-            k < 1000 || (shaped - reference).abs() < 1e-6,
-            "tick {k}: the log shows the reference as it was asked for"
-        );
+        assert!(k < 1000 || (shaped - reference).abs() < 1e-6, "tick {k}: {shaped} m in the log for {reference} m");
         [(bench.displacement_m - reference).abs(), f64::from(outputs.telemetry.learned_m).abs()]
     };
     let second = |bench: &mut Bench, second: u32| {
@@ -141,48 +132,31 @@ fn what_cannot_be_learned_is_refused() {
 /// same films run on.
 #[test]
 fn a_sensor_that_fails_does_not_lead_a_learned_feedforward_away() {
-    let run = |force_scale: f64, reads: fn(f64, f64, f64) -> f64| {
-        let mut parameters = parameters(6, 2.0);
-        parameters.limits =
-            Limits { max_displacement_m: 2e-3, on_sensor_fault: OnSensorFault::Trip, ..parameters.limits };
-        let mut bench = Bench { force_scale, ..Bench::with(parameters) };
-        let (normal, mut random) = (Normal::new(0.0, 3e-6).expect("valid"), Pcg64::seed_from_u64(1));
-        bench.start(Mode::Feedforward);
-        let (mut held_m, mut furthest_m) = (0.0, 0.0f64);
-        for tick in 0..400_000u32 {
-            let time_s = f64::from(tick) / 1000.0;
-            let reference_m = (time_s / 2.0).min(1.0) * (0.6e-3 - 0.06e-3 * (TAU * time_s / 2.0).cos());
-            bench.set_reference(reference_m as f32);
-            let film_m = bench.displacement_m;
-            let fault_s = time_s - 20.0;
-            let shown_m =
-                if fault_s < 0.0 { film_m } else { reads(film_m, held_m, fault_s) } + normal.sample(&mut random);
-            held_m = if fault_s < 0.0 { film_m } else { held_m };
-            let code = ((1.0 + shown_m / 1e-3) / 10.24 * 65_536.0).round().clamp(0.0, 65_535.0);
-            bench.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(code as u16)));
-            furthest_m = furthest_m.max(bench.displacement_m);
-            let state = bench.state();
-            if state != DriverState::Running {
-                return (furthest_m, state);
-            }
-        }
-        (furthest_m, DriverState::Running)
+    let wanted_m = |tick: u32| {
+        let time_s = f64::from(tick) / 1000.0;
+        (time_s / 2.0).min(1.0) * (0.6e-3 - 0.06e-3 * (TAU * time_s / 2.0).cos())
     };
     for force_scale in [0.8, 1.0, 1.25] {
-        let (furthest_m, state) = run(force_scale, |film_m, _, _| film_m);
-        assert_eq!(state, DriverState::Running, "{force_scale}: healthy");
-        assert!(furthest_m < 0.9e-3, "{force_scale}: {furthest_m} m");
-        let (frozen_m, frozen) = run(force_scale, |_, held_m, _| held_m);
-        assert_eq!(frozen, DriverState::Tripped(Cause::Sensor(SensorFault::Stuck)), "{force_scale}");
-        let (drifts_m, state) = run(force_scale, |film_m, _, fault_s| film_m - 20e-6 * fault_s);
-        println!("{force_scale}: {frozen_m} m frozen, {drifts_m} m with a drift");
-        assert_eq!(state, DriverState::Tripped(Cause::Disturbance), "{force_scale}");
+        let run = |reads_m: fn(u32, f64, f64) -> f64| {
+            let mut parameters = parameters(6, 2.0);
+            (parameters.limits.max_displacement_m, parameters.limits.on_sensor_fault) = (2e-3, OnSensorFault::Trip);
+            let bench = Bench { force_scale, ..Bench::with(parameters) };
+            // 3 um that a fault does not end.
+            let sensor = Sensor { reads_m: &reads_m, noise_m: 0.0, noise_lsb: 19.2 };
+            let end = run_along(bench, Mode::Feedforward, wanted_m, &sensor, 380_000);
+            println!("{force_scale}: {end:?}");
+            end
+        };
+        let healthy = run(|_, film_m, _| film_m);
+        assert_eq!(healthy.state, DriverState::Running, "{force_scale}: healthy");
+        assert!(healthy.furthest_m < 0.9e-3, "{force_scale}: {healthy:?}");
+        let frozen = run(|_, _, held_m| held_m);
+        assert_eq!(frozen.state, DriverState::Tripped(Cause::Sensor(SensorFault::Stuck)), "{force_scale}");
+        assert!(frozen.furthest_m < 0.9e-3, "{force_scale}: {frozen:?}");
+        let drifts = run(|ticks, film_m, _| film_m - 20e-9 * f64::from(ticks));
+        assert_eq!(drifts.state, DriverState::Tripped(Cause::Disturbance), "{force_scale}");
         // The reference, a quarter of the stroke, and what the film gives beyond its model.
-        let most_m = force_scale.max(1.0) * (0.66e-3 + 0.5e-3);
-        assert!(
-            frozen_m < 0.9e-3 && drifts_m < most_m,
-            "{force_scale}: {frozen_m} m frozen, {drifts_m} m with a drift"
-        );
+        assert!(drifts.furthest_m < force_scale.max(1.0) * (0.66e-3 + 0.5e-3), "{force_scale}: {drifts:?}");
     }
 }
 
@@ -193,20 +167,17 @@ fn what_is_learned_hides_no_unexplained_force() {
     let mut opposed = 0;
     for (force_scale, max_disturbance_share) in [(1.25, 0.1), (1.25, 0.2), (0.75, 0.1), (1.6, 0.2)] {
         let mut parameters = parameters(6, 1.0);
-        parameters.limits = Limits { max_disturbance_share, max_displacement_m: 2e-3, ..parameters.limits };
-        let limits = parameters.limits;
+        let limits = Limits { max_disturbance_share, max_displacement_m: 2e-3, ..parameters.limits };
+        parameters.limits = limits;
         let largest_n = parameters.actuator.electrostatic_force(f64::from(limits.max_voltage_v));
         let mut bench = Bench { force_scale, ..Bench::with(parameters) };
         bench.start(Mode::Feedforward);
-        let reference = |k: u32| (0.6e-3 - 0.15e-3 * (TAU * f64::from(k) / 1000.0).cos()) as f32;
-        for k in 0..20_000 {
-            bench.set_reference(reference(k));
-            bench.tick(|_| ());
-        }
+        let reference_m = |time_s: f64| 0.6e-3 - 0.15e-3 * (TAU * time_s).cos();
+        bench.track(0..20_000, 0, reference_m);
         bench.ask(|controller| controller.order_learning(LearningOrder::CarryOver));
         restart(&mut bench, Mode::Tracking);
         for k in 0..20_000 {
-            bench.ask(|controller| controller.set_reference(reference(k))).expect("running");
+            bench.set_reference(reference_m(f64::from(k) / 1000.0) as f32);
             let telemetry = bench.tick(|_| ()).telemetry;
             let unexplained = f64::from(telemetry.disturbance_n) / largest_n / f64::from(max_disturbance_share);
             let learned = f64::from(telemetry.learned_m) / (0.25 * f64::from(limits.max_displacement_m));

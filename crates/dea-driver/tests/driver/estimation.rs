@@ -11,9 +11,7 @@ use crate::film_bench::FilmBench;
 fn the_sensor_s_offset_is_taken_off() {
     let points = Calibration::points(&[[0.0, -1e-3], [1.0, 0.0], [10.24, 9.24e-3]]).expect("valid");
     for sensor in [board_parameters().sensor, points] {
-        let mut parameters = board_parameters();
-        (parameters.sensor, parameters.sensor_offset_m) = (sensor, 0.1e-3);
-        let mut bench = FilmBench::with(parameters);
+        let mut bench = FilmBench::changed(|p| (p.sensor, p.sensor_offset_m) = (sensor, 0.1e-3));
         let telemetry = bench.tick(|inputs| inputs.sensor_adc_v = Some(1.5)).telemetry;
         assert!((telemetry.displacement_m - 0.4e-3).abs() < 1e-9, "{} m", telemetry.displacement_m);
     }
@@ -45,17 +43,15 @@ fn nothing_is_learned_in_feedforward_or_at_rest() {
     bench.start(Mode::Feedforward);
     bench.set_reference(0.6e-3);
     for _ in 0..3000 {
-        bench.controller.heartbeat();
-        let telemetry = bench.tick(|_| ()).telemetry;
+        let telemetry = bench.live_tick(|_| ()).telemetry;
         assert_eq!((telemetry.disturbance_n, telemetry.force_scale), (0.0, 1.0));
     }
     let mut bench = FilmBench::new();
     bench.tick(|_| ());
     bench.ask(Controller::arm).expect("healthy");
     for tick in 0..3000 {
-        bench.controller.heartbeat();
         // Someone leans on the film.
-        let telemetry = bench.tick(|inputs| inputs.sensor_adc_v = Some(1.1 + 1e-3 * (tick % 3) as f32)).telemetry;
+        let telemetry = bench.live_tick(|inputs| inputs.sensor_adc_v = Some(1.1 + 1e-3 * (tick % 3) as f32)).telemetry;
         assert_eq!((telemetry.disturbance_n, telemetry.force_scale, telemetry.predicted_m), (0.0, 1.0, 0.0));
     }
 }
@@ -66,10 +62,7 @@ fn feedforward_forgets_what_tracking_learned() {
     let mut bench = FilmBench { force_scale: 0.9, ..FilmBench::new() };
     bench.start(Mode::Tracking);
     bench.set_reference(0.6e-3);
-    let learned = (0..10_000).fold(0.0, |_, _| {
-        bench.controller.heartbeat();
-        bench.tick(|_| ()).telemetry.disturbance_n
-    });
+    let learned = (0..10_000).fold(0.0, |_, _| bench.live_tick(|_| ()).telemetry.disturbance_n);
     assert!(learned.abs() > 1e-3, "{learned} N");
     bench.ask(Controller::stop).expect("running");
     bench.start_armed(Mode::Feedforward);

@@ -59,6 +59,6 @@ fn a_board_without_memory_has_no_trial() {
 fn an_image_for_fault_injection_causes_the_fault() {
     let mut host = Host::new(None);
     host.bench.injected = Some(vec![]);
-    assert_eq!(host.ask(Command::InjectFault(InjectedFault::Bus)), Answer::Done);
+    host.done(Command::InjectFault(InjectedFault::Bus));
     assert_eq!(host.bench.injected, Some(vec![InjectedFault::Bus]));
 }

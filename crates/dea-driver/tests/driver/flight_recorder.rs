@@ -91,11 +91,11 @@ fn a_host_reads_how_a_run_ended() {
     let mut host = Host::with_parameters();
     assert_eq!(host.ask(Command::FlightRecords { back: 0 }), Answer::FlightRecords([].into_iter().collect()));
     host.arm();
-    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
-    assert_eq!(host.ask(Command::SetVoltage(100.0)), Answer::Done);
-    (0..20).for_each(|_| host.tick());
+    host.done(Command::Start(Mode::Voltage));
+    host.done(Command::SetVoltage(100.0));
+    host.ticks(20);
     host.bench.device.trip(Cause::Bus);
-    (0..30).for_each(|_| host.tick());
+    host.ticks(30);
     let mut records = Vec::new();
     while let Answer::FlightRecords(more) = host.ask(Command::FlightRecords { back: records.len() as u16 })
         && !more.is_empty()
@@ -103,7 +103,7 @@ fn a_host_reads_how_a_run_ended() {
         assert!(more.len() <= RECORDS);
         records.extend(more);
     }
-    let Answer::Status(status) = host.ask(Command::Status) else { panic!("no status") };
+    let status = host.status();
     assert_eq!(records[0].state, DriverState::Tripped(Cause::Bus));
     assert_eq!(records[0].command_v, 0.0);
     assert!(records[1].state == DriverState::Running && records[1].command_v > 0.0, "{:?}", records[1]);

@@ -1,10 +1,10 @@
 //! A host that talks with a board.
 
 use dea_driver::server::Session;
-use dea_driver::wire::{Answer, CHUNK, Command};
+use dea_driver::wire::{Answer, CHUNK, Command, Status};
 use dea_driver::{Cause, DriverState, RamFlash};
 
-use crate::bench::{board_parameters, encoded};
+use crate::bench::{changed_parameters, encoded};
 use crate::board::{self, BOARD, Bench};
 
 /// A host, and the board that it talks with.
@@ -44,14 +44,36 @@ impl Host {
         }
     }
 
+    /// Uploads a blob that is to be kept.
+    pub fn commit(&mut self, bytes: &[u8]) -> Answer {
+        self.upload(bytes);
+        self.ask(Command::Commit { length: bytes.len() as u16 })
+    }
+
+    /// Uploads a blob that is only tried.
+    pub fn try_blob(&mut self, bytes: &[u8]) -> Answer {
+        self.upload(bytes);
+        self.ask(Command::Try { length: bytes.len() as u16 })
+    }
+
     /// After the first tick with the parameters of [`blob`].
     pub fn with_parameters() -> Self {
         let mut host = Self::new(None);
-        let bytes = blob();
-        host.upload(&bytes);
-        assert_eq!(host.ask(Command::Try { length: bytes.len() as u16 }), Answer::Done);
+        assert_eq!(host.try_blob(&blob()), Answer::Done);
         host.tick();
         host
+    }
+
+    /// Asks for what the board does.
+    pub fn done(&mut self, command: Command) {
+        assert_eq!(self.ask(command.clone()), Answer::Done, "{command:?}");
+    }
+
+    /// The board gets bytes, whatever it answers.
+    pub fn hear(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.session.serve(byte, &mut self.bench);
+        }
     }
 
     /// A tick with healthy readings.
@@ -60,18 +82,25 @@ impl Host {
         self.bench.tick(inputs);
     }
 
-    pub fn state(&mut self) -> DriverState {
+    /// Ticks with healthy readings.
+    pub fn ticks(&mut self, count: u32) {
+        (0..count).for_each(|_| self.tick());
+    }
+
+    pub fn status(&mut self) -> Status {
         match self.ask(Command::Status) {
-            Answer::Status(status) => status.state,
+            Answer::Status(status) => status,
             other => panic!("{other:?}"),
         }
+    }
+
+    pub fn state(&mut self) -> DriverState {
+        self.status().state
     }
 }
 
 /// Parameters of this board.
 pub fn blob() -> Vec<u8> {
-    let mut parameters = board_parameters();
     // The film of this bench does not move, which no model explains.
-    parameters.limits.max_disturbance_share = 0.4;
-    encoded(&parameters, BOARD)
+    encoded(&changed_parameters(|p| p.limits.max_disturbance_share = 0.4), BOARD)
 }

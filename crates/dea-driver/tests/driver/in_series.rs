@@ -1,9 +1,9 @@
 //! Control of a film with a spring in series: its creep is that of a memory alone, its stroke stiffens.
 
 use dea_driver::{DriverState, Mode, Parameters};
-use springpot::{Law, LawOptions, Preset};
+use springpot::Law;
 
-use crate::bench::{board_parameters, law_in_series};
+use crate::bench::{board_parameters, law, law_in_series};
 use crate::film_bench::FilmBench as Bench;
 
 fn parameters(law: &Law<f32>) -> Parameters {
@@ -14,32 +14,20 @@ fn parameters(law: &Law<f32>) -> Parameters {
 fn furthest_off_m(law: &Law<f32>, mode: Mode, force_scale: f64) -> f64 {
     let mut bench = Bench { force_scale, ..Bench::around(law_in_series(), parameters(law)) };
     bench.start(mode);
-    let mut furthest_m = 0.0f64;
-    for tick in 0..20_000 {
-        let time_s = f64::from(tick) / 1000.0;
-        let reference_m = 0.8e-3 * (time_s / 2.0).min(1.0) - 0.4e-3 * (0.6 * time_s).sin();
-        bench.set_reference(reference_m.max(0.0) as f32);
-        let telemetry = bench.tick(|_| ()).telemetry;
-        assert!(telemetry.command_v <= bench.parameters.limits.max_voltage_v && telemetry.predicted_m.is_finite());
-        if tick > 10_000 {
-            furthest_m = furthest_m.max((bench.displacement_m - reference_m).abs());
-        }
-    }
-    assert_eq!(bench.state(), DriverState::Running);
-    furthest_m
+    bench.track(0..20_000, 10_000, |time_s| (0.8e-3 * (time_s / 2.0).min(1.0) - 0.4e-3 * (0.6 * time_s).sin()).max(0.0))
 }
 
 /// Along its own law the film is where it shall be; a law without the spring is off by a good part of the stroke. Tracking corrects a force that is off.
 #[test]
 fn feedforward_and_tracking_follow_a_film_with_a_spring_in_series() {
-    let law = law_in_series();
-    let straight = Law::compressed(&Preset::TABLE3_N2.model().expect("valid"), LawOptions::at_step(1e-3));
-    let straight: Law<f32> = straight.expect("valid");
-    let known = furthest_off_m(&law, Mode::Feedforward, 1.0);
-    let unknown = furthest_off_m(&straight, Mode::Feedforward, 1.0);
-    let weaker = furthest_off_m(&law, Mode::Feedforward, 0.9);
-    let tracked = furthest_off_m(&law, Mode::Tracking, 0.9);
-    let um = [known, unknown, weaker, tracked].map(|off_m| 1e6 * off_m);
+    let (law, straight) = (law_in_series(), law());
+    let um = [
+        (&law, Mode::Feedforward, 1.0),
+        (&straight, Mode::Feedforward, 1.0),
+        (&law, Mode::Feedforward, 0.9),
+        (&law, Mode::Tracking, 0.9),
+    ]
+    .map(|(law, mode, force_scale)| 1e6 * furthest_off_m(law, mode, force_scale));
     println!("off by {um:.1?} µm: its own law, one without the spring, a weaker film, tracked");
     assert!(um[0] < 2.0 && um[1] > 50.0 && um[2] > 30.0 && um[3] < 0.3 * um[2], "{um:?}");
 }
@@ -55,13 +43,13 @@ fn a_film_with_a_spring_in_series_keeps_its_stroke() {
     assert!((0.0..0.05).contains(&margin), "{margin}");
     let mut bench = Bench::around(law_in_series(), parameters);
     bench.start(Mode::Voltage);
-    let (mut volts, mut furthest_m) = (0.0, 0.0f64);
+    let mut volts = 0.0;
     while bench.state() == DriverState::Running {
         volts += 0.5;
         bench.ask(|controller| controller.set_voltage(volts)).expect("within the limits");
         bench.tick(|_| ());
-        furthest_m = furthest_m.max(bench.displacement_m);
     }
+    let furthest_m = bench.furthest_m;
     println!("{:?} at {volts} V, {furthest_m} m", bench.state());
     assert!((0.9e-3..=1e-3).contains(&furthest_m), "{furthest_m} m at {volts} V");
 }

@@ -4,20 +4,18 @@ use dea_driver::chips::{AdcCode, AdcRange, CommandRange, DacCode};
 use dea_driver::wire::{Answer, Command, Inspection, Mode, Part, Reject, TickCodes, Ticked};
 use dea_driver::{AdcError, AmplifierError, Blob, Cause, Controller, Device, DriverState, Inputs, Refusal};
 
-use crate::bench::board_parameters;
-use crate::host::Host;
+use crate::board::{BOARD, inspection};
+use crate::host::{Host, blob};
 
 #[test]
 fn a_host_asks_what_the_board_finds_of_its_parts() {
     let mut host = Host::new(None);
     let found = Inspection {
-        interlock_closed: true,
-        enable_high: false,
         dac: Err(AmplifierError::Readback { wanted: 1, found: 0 }).into(),
         monitor: Ok::<AdcCode, AdcError>(AdcCode(0)).into(),
         sensor: Err::<AdcCode, _>(AdcError::Range { wanted: 9, found: 8 }).into(),
         monitor_adc_v: 0.25,
-        sensor_adc_v: 1.0,
+        ..inspection(true, false)
     };
     assert_eq!(found.dac, Part::Wrong { wanted: 1, found: 0 });
     assert_eq!((found.monitor, found.sensor), (Part::Answers, Part::Wrong { wanted: 9, found: 8 }));
@@ -34,15 +32,6 @@ fn a_host_asks_what_the_board_finds_of_its_parts() {
 /// since it is read with the inputs.
 #[test]
 fn an_enable_output_that_is_not_as_it_was_set_is_latched() {
-    let found = Inspection {
-        interlock_closed: true,
-        enable_high: false,
-        dac: Part::Answers,
-        monitor: Part::Answers,
-        sensor: Part::Answers,
-        monitor_adc_v: 0.0,
-        sensor_adc_v: 1.0,
-    };
     let tripped = DriverState::Tripped(Cause::Enable);
     for state in [DriverState::Disarmed, DriverState::Armed, DriverState::Running] {
         for is_wrong in [false, true] {
@@ -53,12 +42,12 @@ fn an_enable_output_that_is_not_as_it_was_set_is_latched() {
                     host.arm();
                 }
                 if tick == 10 && state == DriverState::Running {
-                    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
+                    host.done(Command::Start(Mode::Voltage));
                 }
                 host.tick();
                 let enable_high = pin != (is_wrong && tick == 20);
                 pin = host.bench.drive.enable;
-                host.bench.device.report(Inspection { enable_high, ..found });
+                host.bench.device.report(inspection(true, enable_high));
                 assert_eq!(host.state() == tripped, is_wrong && tick >= 20, "{state:?}, tick {tick}");
             }
             assert_eq!(host.state(), if is_wrong { tripped } else { state });
@@ -67,9 +56,9 @@ fn an_enable_output_that_is_not_as_it_was_set_is_latched() {
     }
     // Without parameters nothing is enabled: the pin is low.
     let mut device = Device::new(None);
-    device.report(found);
+    device.report(inspection(true, false));
     assert_eq!(device.state(), DriverState::Disarmed);
-    device.report(Inspection { enable_high: true, ..found });
+    device.report(inspection(true, true));
     assert_eq!(device.state(), tripped);
 }
 
@@ -80,8 +69,8 @@ fn the_watchdog_is_starved_only_while_the_amplifier_is_disabled() {
     host.arm();
     assert_eq!(host.ask(Command::StopFeedingWatchdog), Answer::Refused(Refusal::State(DriverState::Armed)));
     assert!(!host.bench.watchdog_expires);
-    assert_eq!(host.ask(Command::Disarm), Answer::Done);
-    assert_eq!(host.ask(Command::StopFeedingWatchdog), Answer::Done);
+    host.done(Command::Disarm);
+    host.done(Command::StopFeedingWatchdog);
     assert!(host.bench.watchdog_expires);
 }
 
@@ -98,11 +87,9 @@ fn whole_ticks_are_those_of_a_controller() {
     assert_eq!(host.ask(inputs(&[codes(0, 0)])), Answer::Rejected(Reject::NoParameters));
     let mut host = Host::with_parameters();
     assert_eq!(host.ask(inputs(&[codes(0, 0)])), Answer::Rejected(Reject::NoParameters), "before it is at rest");
-    let mut parameters = board_parameters();
-    parameters.limits.max_disturbance_share = 0.4;
     for run in 0..2 {
-        assert_eq!(host.ask(Command::Rest), Answer::Done);
-        let mut controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
+        host.done(Command::Rest);
+        let mut controller = Controller::new(Blob::decode(&blob(), BOARD).expect("valid"));
         let (mut applied, mut sampled) = (0u16, 0u16);
         let mut highest = 0;
         for tick in 0..500 {

@@ -2,35 +2,25 @@
 
 use std::f64::consts::TAU;
 
-use dea_driver::{Blob, BlobError, Cause, DriverState, LimitsError, Mode, Monitor, OnSensorFault, Parameters};
+use dea_driver::{Blob, BlobError, Cause, Controller, DriverState, LimitsError, Mode, Monitor};
 use springpot::AmplifierLag;
 
-use crate::bench::{bench_limits, board_parameters};
-use crate::film_bench::{FilmBench as Bench, adc_v};
+use crate::bench::{bench_limits, changed_parameters};
+use crate::film_bench::{FilmBench as Bench, adc_v, rides_through};
 use crate::supervisor_bench::RATE_HZ;
 
 fn bench(amplifier_s: [f64; 2], known: AmplifierLag) -> Bench {
-    let mut parameters = Parameters { amplifier_lag: known, ..board_parameters() };
-    parameters.control.delay_s = 0.0;
-    Bench { amplifier_s, ..Bench::with(parameters) }
+    let bench = Bench::changed(|p| (p.amplifier_lag, p.control.delay_s) = (known, 0.0));
+    Bench { amplifier_s, ..bench }
 }
 
 /// A sine of 3 s for 20 s: the largest error after 6 s in m, and the state at the end.
-fn follow(bench: &mut Bench, mode: Mode) -> (f64, DriverState) {
+fn follow(mut bench: Bench, mode: Mode) -> (f64, DriverState) {
     bench.start(mode);
-    let mut largest = 0.0f64;
-    for tick in 0..20_000 {
-        let time_s = f64::from(tick) / 1000.0;
-        let reference = 0.7e-3 * (time_s / 2.0).min(1.0) - 0.15e-3 * (TAU * (time_s - 2.0).max(0.0) / 3.0).sin();
-        if bench.controller.supervisor().runs() {
-            bench.set_reference(reference as f32);
-        }
-        bench.tick(|_| ());
-        if tick > 6000 {
-            largest = largest.max((bench.displacement_m - reference).abs());
-        }
-    }
-    (largest, bench.state())
+    let error_m = bench.track(0..20_000, 14_000, |time_s| {
+        0.7e-3 * (time_s / 2.0).min(1.0) - 0.15e-3 * (TAU * (time_s - 2.0).max(0.0) / 3.0).sin()
+    });
+    (error_m, bench.state())
 }
 
 /// 0.1 s up, 0.5 s down: what is left is the sensor's noise of 0 to 5 µm where both are known. Where nothing is, the monitor does not follow
@@ -39,15 +29,15 @@ fn follow(bench: &mut Bench, mode: Mode) -> (f64, DriverState) {
 fn the_command_leads_an_amplifier_that_lags() {
     let known = AmplifierLag { rise_s: 0.1, fall_s: 0.5 };
     for mode in [Mode::Feedforward, Mode::Tracking] {
-        let (error, state) = follow(&mut bench([0.1, 0.5], known), mode);
+        let (error, state) = follow(bench([0.1, 0.5], known), mode);
         println!("{mode:?}: {:.2} µm", 1e6 * error);
         assert!(state == DriverState::Running && error < 5e-6, "{mode:?}: {error} m, {state:?}");
-        let (_, state) = follow(&mut bench([0.1, 0.5], AmplifierLag::NONE), mode);
+        let (_, state) = follow(bench([0.1, 0.5], AmplifierLag::NONE), mode);
         assert_eq!(state, DriverState::Tripped(Cause::Monitor), "{mode:?}");
     }
     // Of one that is a fifth faster or slower than it says nothing trips.
     for by in [0.8, 1.2] {
-        let (_, state) = follow(&mut bench([by * 0.1, by * 0.5], known), Mode::Tracking);
+        let (_, state) = follow(bench([by * 0.1, by * 0.5], known), Mode::Tracking);
         assert_eq!(state, DriverState::Running, "{by}");
     }
 }
@@ -58,13 +48,12 @@ fn the_command_leads_an_amplifier_that_lags() {
 fn a_monitor_that_reads_too_little_does_not_hide_the_stroke() {
     for (gain, band_share) in [(1.0, 0.03), (0.95, 0.06), (0.9, 0.12), (0.8, 0.25)] {
         let lag = AmplifierLag { rise_s: 0.05, fall_s: 0.2 };
-        let mut parameters = Parameters { amplifier_lag: lag, ..board_parameters() };
-        parameters.limits.max_displacement_m = 1e-3;
-        parameters.limits.monitor.band_share = band_share;
-        parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
-        let mut bench = Bench { amplifier_s: [0.05, 0.2], ..Bench::with(parameters) };
+        let bench = Bench::changed(|p| {
+            rides_through(p);
+            (p.amplifier_lag, p.limits.max_displacement_m, p.limits.monitor.band_share) = (lag, 1e-3, band_share);
+        });
+        let mut bench = Bench { amplifier_s: [0.05, 0.2], ..bench };
         bench.start(Mode::Voltage);
-        let mut furthest_m = 0.0f64;
         for tick in 0..200_000u32 {
             let time_s = f64::from(tick) / 1000.0;
             if bench.controller.supervisor().runs() {
@@ -75,9 +64,8 @@ fn a_monitor_that_reads_too_little_does_not_hide_the_stroke() {
                 inputs.monitor_adc_v = Some(adc_v((monitor_v / 10.24 * 65_536.0) as u16));
                 inputs.sensor_adc_v = None;
             });
-            furthest_m = furthest_m.max(bench.displacement_m);
         }
-        let state = bench.state();
+        let (state, furthest_m) = (bench.state(), bench.furthest_m);
         println!("{gain}: {state:?}, {furthest_m} m");
         assert!(
             matches!(state, DriverState::Tripped(Cause::ModelDisplacement | Cause::Displacement)),
@@ -122,7 +110,7 @@ fn a_film_may_take_the_time_of_its_bleeder() {
             bench.tick(|_| ());
         }
         assert_eq!(bench.state(), DriverState::Running);
-        bench.ask(dea_driver::Controller::disarm).expect("it runs");
+        bench.ask(Controller::disarm).expect("it runs");
         bench.run(6000);
         assert_eq!(bench.state(), state, "{bleeder_s} s");
     }
@@ -131,8 +119,7 @@ fn a_film_may_take_the_time_of_its_bleeder() {
 #[test]
 fn times_that_no_amplifier_has_are_refused() {
     for (rise_s, fall_s) in [(-0.1, 0.0), (0.0, f64::NAN), (11.0, 0.1), (f64::INFINITY, 0.0)] {
-        let parameters = Parameters { amplifier_lag: AmplifierLag { rise_s, fall_s }, ..board_parameters() };
-        let error = Blob::new(parameters).err();
+        let error = Blob::new(changed_parameters(|p| p.amplifier_lag = AmplifierLag { rise_s, fall_s })).err();
         assert!(matches!(error, Some(BlobError::Limits(LimitsError::Amplifier(_)))), "{rise_s}, {fall_s}: {error:?}");
     }
 }

@@ -1,13 +1,13 @@
 //! Limits: commands stay within them, and those that protect nothing or cannot be kept are refused.
 
 use dea_driver::{
-    Blob, Cause, Controller, Device, DriverState, Inputs, Limits, LimitsError, Mode, MonitorLimits, OnSensorFault,
-    Parameters, PlausibilityLimits, Supervisor,
+    Blob, Cause, Controller, Device, DriverState, Inputs, Limits, LimitsError, Mode, MonitorLimits, PlausibilityLimits,
+    Supervisor,
 };
-use springpot::{Actuator, AmplifierLag, Curve, Law, LawOptions, Maxwell, Preset, Spring, VoltageDrive};
+use springpot::{Actuator, AmplifierLag, Curve, Law, LawOptions, Maxwell, Preset, Real, Spring, VoltageDrive};
 
-use crate::bench::{bench_limits, board_parameters};
-use crate::film_bench::FilmBench;
+use crate::bench::{bench_limits, changed_parameters};
+use crate::film_bench::{FilmBench, rides_through};
 use crate::supervisor_bench::{Bench, RATE_HZ};
 
 #[test]
@@ -23,14 +23,8 @@ fn commands_stay_within_voltage_field_and_slew() {
             assert!((command - last).abs() <= 50.001, "{wanted}: from {last} to {command} V");
             last = command;
         }
-        let target = if wanted > 6500.0 {
-            6500.0
-        } else if wanted > 0.0 {
-            wanted
-        } else {
-            0.0
-        };
-        assert_eq!(last, target, "{wanted}");
+        // Not a number counts as 0 V.
+        assert_eq!(last, wanted.max(0.0).min(6500.0), "{wanted}");
     }
     // 42 V/µm over 160 µm are 6720 V; over 100 µm 4200 V.
     let thin = Limits { thickness_m: 100e-6, ..limits };
@@ -46,7 +40,7 @@ fn commands_stay_within_voltage_field_and_slew() {
 
 type Change = fn(&mut Limits);
 
-fn checked(change: Change) -> Result<(), LimitsError> {
+fn checked(change: impl Fn(&mut Limits)) -> Result<(), LimitsError> {
     let mut limits = bench_limits();
     change(&mut limits);
     Supervisor::new(&limits, RATE_HZ).map(drop)
@@ -103,9 +97,7 @@ fn limits_that_cannot_be_kept_are_refused() {
             ("discharge_s", |l| &mut l.discharge_s),
         ];
         for (name, field) in fields {
-            let mut limits = bench_limits();
-            *field(&mut limits) = bad;
-            let text = Supervisor::new(&limits, RATE_HZ).expect_err(name).to_string();
+            let text = checked(|limits| *field(limits) = bad).expect_err(name).to_string();
             assert_eq!(text, format!("{name} is {bad}; it must be finite and greater than 0"));
         }
         let error = Supervisor::new(&bench_limits(), bad).expect_err("refused");
@@ -204,19 +196,19 @@ fn the_model_alone_keeps_the_stroke() {
 /// Where the full law is when the model's displacement trips a stroke of 1 mm, under a voltage that rises until then. The sensor is stuck
 /// in its noise at rest.
 fn stroke_at_the_trip(model: &Maxwell, curve: Option<&Curve>, spring: Option<&Spring>) -> f64 {
-    let law: Law<f64> = Law::compressed(model, LawOptions::at_step(1e-3)).expect("valid");
-    let single: Law<f32> = Law::compressed(model, LawOptions::at_step(1e-3)).expect("valid");
-    let (law, single) = match (curve, spring) {
-        (Some(curve), Some(spring)) => {
-            (law.beside(spring, curve).expect("valid"), single.beside(spring, curve).expect("valid"))
+    fn shaped<T: Real>(model: &Maxwell, curve: Option<&Curve>, spring: Option<&Spring>) -> Law<T> {
+        let law = Law::compressed(model, LawOptions::at_step(1e-3)).expect("valid");
+        match (curve, spring) {
+            (Some(curve), Some(spring)) => law.beside(spring, curve).expect("valid"),
+            (Some(curve), None) => law.behind(curve).expect("rises"),
+            (None, Some(spring)) => law.in_series(spring).expect("rises"),
+            (None, None) => law,
         }
-        (Some(curve), None) => (law.behind(curve).expect("rises"), single.behind(curve).expect("rises")),
-        (None, Some(spring)) => (law.in_series(spring).expect("rises"), single.in_series(spring).expect("rises")),
-        (None, None) => (law, single),
-    };
-    let bench = board_parameters();
-    let limits = Limits { max_displacement_m: 1e-3, ..bench.limits };
-    let parameters = Parameters { law: single.coefficients(), limits, ..bench };
+    }
+    let law: Law<f64> = shaped(model, curve, spring);
+    let parameters = changed_parameters(|p| {
+        (p.law, p.limits.max_displacement_m) = (shaped(model, curve, spring).coefficients(), 1e-3);
+    });
     let mut controller = Controller::new(Blob::new(parameters).expect("valid"));
     let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.min_stiffness()).expect("valid");
     let (mut film, mut command_v, mut dac_v) = (law.state(), 0.0, 0.0);
@@ -245,10 +237,8 @@ fn stroke_at_the_trip(model: &Maxwell, curve: Option<&Curve>, spring: Option<&Sp
 
 /// A film that a device drives by voltages, whose parameters and memory may change.
 struct Loaded {
-    parameters: Parameters,
     bench: FilmBench,
     device: Device,
-    furthest_m: f64,
 }
 
 /// Its sensor.
@@ -262,17 +252,17 @@ enum Sensor {
 
 impl Loaded {
     fn new() -> Self {
-        let mut parameters = board_parameters();
-        parameters.limits.max_displacement_m = 1e-3;
-        parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
-        let bench = FilmBench::with(parameters.clone());
-        let mut loaded = Self { parameters, bench, device: Device::new(None), furthest_m: 0.0 };
+        let bench = FilmBench::changed(|p| {
+            rides_through(p);
+            p.limits.max_displacement_m = 1e-3;
+        });
+        let mut loaded = Self { bench, device: Device::new(None) };
         loaded.upload();
         loaded
     }
 
     fn upload(&mut self) {
-        let controller = Controller::new(Blob::new(self.parameters.clone()).expect("valid"));
+        let controller = Controller::new(Blob::new(self.bench.parameters.clone()).expect("valid"));
         self.device.install(controller).expect("off");
     }
 
@@ -294,10 +284,7 @@ impl Loaded {
                 self.device.heartbeat();
             }
             let drive = self.device.tick(inputs);
-            self.bench.high_voltage_v = if drive.enable { f64::from(drive.dac_v) * 1000.0 } else { 0.0 };
-            let load = self.bench.drive.load(self.bench.high_voltage_v);
-            self.bench.displacement_m = self.bench.law.displacement_under(&mut self.bench.film, load);
-            self.furthest_m = self.furthest_m.max(self.bench.displacement_m);
+            self.bench.stretch(if drive.enable { f64::from(drive.dac_v) * 1000.0 } else { 0.0 });
         }
         self.device.state()
     }
@@ -336,7 +323,7 @@ fn creep_from_before_a_reset_or_an_upload_counts_for_the_stroke() {
             film.device.acknowledge().expect("tripped");
         }
         let state = film.run(100_000, 2400.0, Sensor::Lost);
-        let furthest_m = film.furthest_m;
+        let furthest_m = film.bench.furthest_m;
         println!(
             "reset: {is_reset}, {sensor:?}, acknowledged: {is_acknowledged}, after {loaded_ticks} ticks: {state:?}, {furthest_m} m"
         );
@@ -353,11 +340,12 @@ fn a_frozen_sensor_hides_no_creep_from_an_upload_of_the_same_law() {
     film.run(60_000, 2200.0, Sensor::Frozen);
     film.device.disarm().expect("it runs");
     film.run(1000, 0.0, Sensor::Frozen);
-    film.parameters.limits.max_voltage_v = 6000.0;
+    film.bench.parameters.limits.max_voltage_v = 6000.0;
     film.upload();
     film.run(2000, 0.0, Sensor::Frozen);
     let state = film.run(100_000, 2400.0, Sensor::Frozen);
-    println!("{state:?}, {} m", film.furthest_m);
+    let furthest_m = film.bench.furthest_m;
+    println!("{state:?}, {furthest_m} m");
     assert_eq!(state, DriverState::Tripped(Cause::ModelDisplacement));
-    assert!(film.furthest_m <= 1e-3, "{} m", film.furthest_m);
+    assert!(furthest_m <= 1e-3, "{furthest_m} m");
 }

@@ -8,7 +8,7 @@ use dea_driver::wire::{
 };
 use dea_driver::{BLOB_LEN, Cause, DriverState, Refusal, SensorFault};
 
-use crate::board::frame;
+use crate::board::{frame, inspection};
 use crate::link_page;
 
 fn receive<T: serde::de::DeserializeOwned>(receiver: &mut Receiver, bytes: &[u8]) -> Vec<Result<T, FrameError>> {
@@ -66,15 +66,7 @@ fn messages() -> Vec<Message> {
         firmware: "0123456789abcdef".try_into().expect("short"),
     };
     let part = Part::Wrong { wanted: u16::MAX, found: u16::MAX };
-    let inspection = Inspection {
-        interlock_closed: true,
-        enable_high: true,
-        dac: part,
-        monitor: part,
-        sensor: part,
-        monitor_adc_v: 9.0,
-        sensor_adc_v: 10.0,
-    };
+    let inspection = Inspection { dac: part, monitor: part, sensor: part, ..inspection(true, true) };
     let ticked = Ticked {
         enable: true,
         command: u16::MAX,

@@ -54,8 +54,7 @@ pub fn commands() -> Vec<Command> {
 /// A host whose board is in this state, with parameters kept, and uploaded again.
 fn reach(state: DriverState) -> Host {
     let mut host = Host::with_parameters();
-    host.upload(&blob());
-    assert_eq!(host.ask(Command::Commit { length: blob().len() as u16 }), Answer::Done);
+    assert_eq!(host.commit(&blob()), Answer::Done);
     host.upload(&blob());
     host.tick();
     // Only what is enabled trips.
@@ -63,7 +62,7 @@ fn reach(state: DriverState) -> Host {
         host.arm();
     }
     if state == DriverState::Running {
-        assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
+        host.done(Command::Start(Mode::Voltage));
     }
     if let DriverState::Tripped(cause) = state {
         host.bench.device.trip(cause);

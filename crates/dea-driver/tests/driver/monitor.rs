@@ -1,10 +1,12 @@
 //! The amplifier's monitor: what it may show beside the command, what it must not, and a film that stays live.
 
 use dea_driver::server::Denial;
-use dea_driver::{Blob, Cause, Controller, Device, DriverState, Inputs, Monitor, Readings, Refusal, Supervisor};
+use dea_driver::{
+    Blob, Cause, Controller, Device, DriverState, Inputs, Monitor, Parameters, Readings, Refusal, Supervisor,
+};
 
-use crate::bench::{bench_limits, board_parameters};
-use crate::supervisor_bench::{Bench, RATE_HZ, readings};
+use crate::bench::{bench_limits, board_parameters, changed_parameters, readings};
+use crate::supervisor_bench::{Bench, RATE_HZ};
 
 /// The band around 0 V and the largest voltage belong to what is allowed: more than that does not.
 #[test]
@@ -48,11 +50,7 @@ fn the_monitor_s_band_knows_the_amplifier_s_slew() {
     limits.max_slew_v_per_s = 1e6;
     limits.monitor.slew_v_per_s = 20e3;
     let trips_at = |slew_v_per_tick: f32| {
-        let mut bench = Bench::new(&limits);
-        bench.wanted_v = 6000.0;
-        bench.tick(|_| ());
-        bench.supervisor.arm().expect("healthy");
-        bench.supervisor.start().expect("armed");
+        let mut bench = Bench::started(&limits);
         let mut monitor_v = 0.0f32;
         for tick in 0..1000 {
             bench.supervisor.heartbeat();
@@ -78,16 +76,12 @@ fn the_monitor_s_band_knows_the_amplifier_s_slew() {
 fn a_film_that_was_live_for_long_is_acknowledged_once() {
     let live = |r: &mut Readings| r.monitor_v = 4211.0;
     let mut bench = Bench::new(&bench_limits());
-    for _ in 0..60_000 {
-        bench.tick(live);
-    }
+    bench.ticks(60_000, live);
     assert_eq!(bench.supervisor.state(), DriverState::Tripped(Cause::LiveFilm));
     // A second at 1 kHz, in one piece.
     for ticks in [999, 1000] {
         bench.tick(live);
-        for _ in 0..ticks {
-            bench.tick(|_| ());
-        }
+        bench.ticks(ticks, |_| ());
         let acknowledged = bench.supervisor.acknowledge();
         assert_eq!(acknowledged, if ticks < 1000 { Err(Refusal::LiveVoltage) } else { Ok(()) }, "{ticks} ticks");
     }
@@ -136,17 +130,13 @@ fn a_film_that_stays_live_is_noticed() {
         let mut bench = if name == "switched on" { Bench::new(&bench_limits()) } else { Bench::run(&bench_limits()) };
         end(&mut bench.supervisor);
         // A second at 1 kHz.
-        for _ in 0..1000 {
-            bench.tick(live);
-        }
+        bench.ticks(1000, live);
         assert_ne!(bench.supervisor.state(), DriverState::Tripped(Cause::LiveFilm), "{name}");
         bench.tick(live);
         assert_eq!(bench.supervisor.state(), DriverState::Tripped(Cause::LiveFilm), "{name}");
         assert_eq!((bench.supervisor.monitor_v(), bench.supervisor.is_film_live()), (4211.0, true));
         assert_eq!(bench.supervisor.acknowledge(), Err(Refusal::LiveVoltage), "{name}");
-        for _ in 0..1000 {
-            bench.tick(|_| ());
-        }
+        bench.ticks(1000, |_| ());
         bench.is_safe(Cause::LiveFilm);
     }
     // One that arcs, and a monitor that does not answer now and then, hide nothing; nor does one that never answers again.
@@ -185,9 +175,8 @@ fn a_film_that_stays_live_is_noticed() {
 /// one that was live all the time was never reported with an upload every 0.9 s.
 #[test]
 fn an_upload_does_not_hide_a_film_that_is_live() {
-    let upload = |device: &mut Device| {
-        let controller = Controller::new(Blob::new(board_parameters()).expect("valid"));
-        device.install(controller).expect("off");
+    let upload = |device: &mut Device, parameters: Parameters| {
+        device.install(Controller::new(Blob::new(parameters).expect("valid"))).expect("off");
     };
     let run = |device: &mut Device, ticks: u16, monitor_v: f32| {
         for tick in 0..ticks {
@@ -199,11 +188,11 @@ fn an_upload_does_not_hide_a_film_that_is_live() {
     let live_film = DriverState::Tripped(Cause::LiveFilm);
     for (live_ticks, state) in [(3000, live_film), (500, DriverState::Disarmed)] {
         let mut device = Device::new(None);
-        upload(&mut device);
+        upload(&mut device, board_parameters());
         run(&mut device, 10, 0.0);
         assert_eq!(run(&mut device, live_ticks, 3000.0), state);
         run(&mut device, 1, 0.0);
-        upload(&mut device);
+        upload(&mut device, board_parameters());
         let release = |device: &mut Device| match device.state() {
             DriverState::Tripped(_) => device.acknowledge(),
             _ => device.arm(),
@@ -214,21 +203,15 @@ fn an_upload_does_not_hide_a_film_that_is_live() {
         run(&mut device, 1, 0.0);
         assert_eq!(release(&mut device), Ok(()), "live for {live_ticks} ticks");
     }
-    let mut device = Device::new(None);
-    upload(&mut device);
-    assert_eq!(run(&mut device, 900, 3000.0), DriverState::Disarmed);
-    upload(&mut device);
-    assert_eq!(run(&mut device, 101, 3000.0), live_film);
-
     // Nine tenths of the time stay that, of a time with twice as many ticks as well.
-    let mut device = Device::new(None);
-    upload(&mut device);
-    assert_eq!(run(&mut device, 900, 3000.0), DriverState::Disarmed);
-    let mut longer = board_parameters();
-    longer.limits.discharge_s *= 2.0;
-    device.install(Controller::new(Blob::new(longer).expect("valid"))).expect("off");
-    assert_eq!(run(&mut device, 190, 3000.0), DriverState::Disarmed);
-    assert_eq!(run(&mut device, 12, 3000.0), live_film);
+    for (share, within, then) in [(1.0, 99, 2), (2.0, 190, 12)] {
+        let mut device = Device::new(None);
+        upload(&mut device, board_parameters());
+        assert_eq!(run(&mut device, 900, 3000.0), DriverState::Disarmed);
+        upload(&mut device, changed_parameters(|p| p.limits.discharge_s *= share));
+        assert_eq!(run(&mut device, within, 3000.0), DriverState::Disarmed);
+        assert_eq!(run(&mut device, then, 3000.0), live_film);
+    }
 }
 
 /// A perfect amplifier, read by a converter that answers with the sample of the frame before, or by one that answers at once: a command

@@ -1,10 +1,9 @@
 //! Parameters: which ones run after an upload and after a reset, and whether the host gets a report.
 
 use dea_driver::wire::{Answer, Command, Reject};
-use dea_driver::{Cause, DriverState, Parameters, RamFlash, Refusal, Store};
-use springpot::{Law, LawOptions, Preset};
+use dea_driver::{Cause, DriverState, RamFlash, Refusal, Store};
 
-use crate::bench::{board_parameters, encoded, of_law};
+use crate::bench::{changed_parameters, encoded, law_at, of_law};
 use crate::board::BOARD;
 use crate::host::{Host, blob};
 
@@ -12,13 +11,11 @@ use crate::host::{Host, blob};
 fn parameters_are_kept_by_commit_and_run_by_try() {
     let mut host = Host::with_parameters();
     assert_eq!(host.ask(Command::Reload), Answer::Rejected(Reject::NoParameters), "try does not store");
-    host.upload(&blob());
-    assert_eq!(host.ask(Command::Commit { length: blob().len() as u16 }), Answer::Done);
-    assert_eq!(host.ask(Command::Reload), Answer::Done);
+    assert_eq!(host.commit(&blob()), Answer::Done);
+    host.done(Command::Reload);
     let mut damaged = blob();
     damaged[50] ^= 1;
-    host.upload(&damaged);
-    assert_eq!(host.ask(Command::Try { length: damaged.len() as u16 }), Answer::Rejected(Reject::Blob));
+    assert_eq!(host.try_blob(&damaged), Answer::Rejected(Reject::Blob));
     host.upload(&damaged);
     assert_eq!(host.ask(Command::Try { length: 12 }), Answer::Rejected(Reject::Upload));
     assert_eq!(host.ask(Command::Reload), Answer::Done, "the stored ones stay");
@@ -28,30 +25,22 @@ fn parameters_are_kept_by_commit_and_run_by_try() {
 #[test]
 fn what_a_board_cannot_run_is_not_stored() {
     let mut host = Host::with_parameters();
-    host.upload(&blob());
-    assert_eq!(host.ask(Command::Commit { length: blob().len() as u16 }), Answer::Done);
-    let model = Preset::TABLE3_N2.model().expect("valid");
-    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(0.25e-3)).expect("valid");
-    let mut fast = Parameters { rate_hz: 4000.0, ..of_law(&law) };
+    assert_eq!(host.commit(&blob()), Answer::Done);
+    let mut fast = of_law(&law_at(4000.0));
     fast.limits.sensor.stuck_ticks = 2000;
     let fast = encoded(&fast, BOARD);
-    host.upload(&fast);
-    assert_eq!(host.ask(Command::Commit { length: fast.len() as u16 }), Answer::Rejected(Reject::Rate));
+    assert_eq!(host.commit(&fast), Answer::Rejected(Reject::Rate));
     assert_eq!(host.ask(Command::Reload), Answer::Done, "the stored ones stay");
 }
 
 /// A board whose newest parameters are damaged runs the older ones, which may allow more, and says so until it is acknowledged.
 #[test]
 fn damaged_parameters_are_not_replaced_silently() {
-    let (stricter, permissive) = {
-        let mut parameters = board_parameters();
-        parameters.limits.max_voltage_v = 800.0;
-        (encoded(&parameters, BOARD), blob())
-    };
+    let stricter = encoded(&changed_parameters(|p| p.limits.max_voltage_v = 800.0), BOARD);
+    let permissive = blob();
     let mut host = Host::new(None);
     for blob in [&permissive, &stricter] {
-        host.upload(blob);
-        assert_eq!(host.ask(Command::Commit { length: blob.len() as u16 }), Answer::Done);
+        assert_eq!(host.commit(blob), Answer::Done);
     }
     let reset = |flash: RamFlash, latched| {
         let mut host = Host::new(latched);
@@ -72,11 +61,11 @@ fn damaged_parameters_are_not_replaced_silently() {
         if let Some(cause) = latched {
             // Each is reported by itself.
             assert_eq!(host.state(), DriverState::Tripped(cause));
-            assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
+            host.done(Command::Acknowledge);
         }
         assert_eq!(host.state(), tripped);
         assert_eq!(host.ask(Command::Arm), Answer::Refused(Refusal::State(tripped)));
-        assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
+        host.done(Command::Acknowledge);
         host.arm();
         // Which ones they are can be compared.
         let checksum = permissive.last_chunk().copied().map(u32::from_le_bytes);
@@ -96,36 +85,33 @@ fn a_reset_during_a_trial_is_reported() {
         next.tick();
         next
     };
-    let upload = |host: &mut Host, command: fn(u16) -> Command| {
-        host.upload(&blob());
-        assert_eq!(host.ask(command(blob().len() as u16)), Answer::Done);
-    };
+    let tries = |host: &mut Host| assert_eq!(host.try_blob(&blob()), Answer::Done);
     let latched = DriverState::Tripped(Cause::Parameters);
     let mut host = Host::new(None);
-    upload(&mut host, |length| Command::Commit { length });
+    assert_eq!(host.commit(&blob()), Answer::Done);
     host = reset(host);
     assert_eq!(host.state(), DriverState::Disarmed, "nothing was tried");
-    upload(&mut host, |length| Command::Try { length });
+    tries(&mut host);
     assert_eq!(host.state(), DriverState::Disarmed);
     host = reset(host);
     assert_eq!(host.state(), latched);
     // A reset does not acknowledge it, nor does another trial.
     host = reset(host);
     assert_eq!(host.state(), latched);
-    upload(&mut host, |length| Command::Try { length });
+    tries(&mut host);
     assert_eq!(host.state(), latched);
-    assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
+    host.done(Command::Acknowledge);
     host = reset(host);
     assert_eq!(host.state(), latched, "the second trial");
-    assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
+    host.done(Command::Acknowledge);
     host = reset(host);
     assert_eq!(host.state(), DriverState::Disarmed);
-    // A trial that ends by itself: kept, or taken back.
-    upload(&mut host, |length| Command::Try { length });
-    assert_eq!(host.ask(Command::Reload), Answer::Done);
+    // A trial that ends by itself: taken back, or kept.
+    tries(&mut host);
+    host.done(Command::Reload);
     host = reset(host);
     assert_eq!(host.state(), DriverState::Disarmed);
-    upload(&mut host, |length| Command::Try { length });
-    upload(&mut host, |length| Command::Commit { length });
+    tries(&mut host);
+    assert_eq!(host.commit(&blob()), Answer::Done);
     assert_eq!(reset(host).state(), DriverState::Disarmed);
 }

@@ -10,6 +10,28 @@ use crate::bench::bench_limits;
 const LIMITS: PlausibilityLimits =
     PlausibilityLimits { low: -1e-3, high: 9e-3, jump: 0.4e-3, stuck_ticks: 500, stuck_band: 2e-6 };
 
+/// Ticks in a run with a film and its model at these places, m.
+fn record(motion: &mut Motion, ticks: u32, film_m: f32, model_m: f32) {
+    (0..ticks).for_each(|_| motion.record(film_m, model_m, || model_m, true, true));
+}
+
+/// A tick out of a run without a plausible value.
+fn lose_a_sample(motion: &mut Motion) {
+    motion.record(f32::NAN, 0.0, || 0.0, false, false);
+}
+
+/// How much softer than its model a film counts.
+fn softness(motion: &Motion) -> f32 {
+    motion.furthest(1e-3) / 1e-3
+}
+
+/// In a run.
+fn begun() -> Motion {
+    let mut motion = Motion::new(LIMITS);
+    motion.begin_run();
+    motion
+}
+
 /// A sensor of noise `noise_m` (rms) whose film is at `film_m(tick)`, and its model at `model_m(tick)`: the ticks in which it counts as frozen.
 fn frozen_ticks(noise_m: f64, ticks: u32, film_m: impl Fn(u32) -> f64, model_m: impl Fn(u32) -> f64) -> Vec<u32> {
     frozen_beside(noise_m, ticks, film_m, |tick| [model_m(tick); 2])
@@ -124,12 +146,11 @@ fn a_sensor_that_moves_again_is_not_frozen() {
 /// Jumps, and values out of range, say nothing about the film.
 #[test]
 fn a_film_is_as_soft_as_plausible_values_show() {
-    let mut motion = Motion::new(LIMITS);
-    motion.begin_run();
-    assert_eq!(motion.furthest(1e-3), 1e-3);
+    let mut motion = begun();
+    assert_eq!(softness(&motion), 1.0);
     for (factor, is_plausible, expected) in [(2.0, false, 1.0), (1.3, true, 1.3), (0.5, true, 1.3), (9.0, true, 4.0)] {
         (0..3000).for_each(|_| motion.record(factor * 1e-3, 1e-3, || 1e-3, is_plausible, true));
-        let softness = motion.furthest(1e-3) / 1e-3;
+        let softness = softness(&motion);
         assert!((softness - expected).abs() < 0.015 * expected, "{factor}: {softness}");
     }
     // 0.1 mm of creep that the model does not know, at 0 V.
@@ -137,15 +158,14 @@ fn a_film_is_as_soft_as_plausible_values_show() {
     motion.begin_run();
     assert!((motion.furthest(1e-3) - 1.1e-3).abs() < 1e-9);
     // It is no softness.
-    (0..3000).for_each(|_| motion.record(1.1e-3, 1e-3, || 1e-3, true, true));
+    record(&mut motion, 3000, 1.1e-3, 1e-3);
     assert!((motion.furthest(1e-3) - 1.1e-3).abs() < 1e-9);
     // Nor is what is left of a load, where film and model creep back differently.
-    (0..3000).for_each(|_| motion.record(0.4e-3, 0.2e-3, || 0.2e-3, true, true));
+    record(&mut motion, 3000, 0.4e-3, 0.2e-3);
     assert!(motion.furthest(1e-3) < 1.25e-3);
     // Without a plausible value between two runs, what was known of the film stays.
-    let mut motion = Motion::new(LIMITS);
-    motion.begin_run();
-    (0..3000).for_each(|_| motion.record(1.3e-3, 1e-3, || 1e-3, true, true));
+    let mut motion = begun();
+    record(&mut motion, 3000, 1.3e-3, 1e-3);
     let known_m = motion.furthest(1e-3);
     assert!(known_m > 1.28e-3);
     (0..3000).for_each(|_| motion.record(0.0, 0.0, || 0.0, false, false));
@@ -157,11 +177,9 @@ fn a_film_is_as_soft_as_plausible_values_show() {
 #[test]
 fn a_film_is_as_soft_as_a_small_displacement_shows() {
     for (bands, least) in [(24.0, 1.0), (26.0, 1.15), (100.0, 1.185)] {
-        let mut motion = Motion::new(LIMITS);
-        motion.begin_run();
-        let model_m = bands * LIMITS.stuck_band;
-        (0..3000).for_each(|_| motion.record(1.2 * model_m, model_m, || model_m, true, true));
-        let softness = motion.furthest(1e-3) / 1e-3;
+        let (mut motion, model_m) = (begun(), bands * LIMITS.stuck_band);
+        record(&mut motion, 3000, 1.2 * model_m, model_m);
+        let softness = softness(&motion);
         let most = if bands < 25.0 { 1.0 } else { 1.2 };
         assert!((least..=most).contains(&softness), "{bands} bands: {softness}");
     }
@@ -171,12 +189,8 @@ fn a_film_is_as_soft_as_a_small_displacement_shows() {
 /// this run does not.
 #[test]
 fn a_film_is_presumed_softer_within_a_run() {
-    let run = |motion: &mut Motion, model_m: f32| {
-        (0..LIMITS.stuck_ticks).for_each(|_| motion.record(model_m, model_m, || model_m, true, true));
-    };
-    let softness = |motion: &Motion| motion.furthest(1e-3) / 1e-3;
-    let mut motion = Motion::new(LIMITS);
-    motion.begin_run();
+    let run = |motion: &mut Motion, model_m: f32| record(motion, LIMITS.stuck_ticks, model_m, model_m);
+    let mut motion = begun();
     run(&mut motion, 0.0);
     motion.presume_softer();
     run(&mut motion, 0.0);
@@ -188,14 +202,14 @@ fn a_film_is_presumed_softer_within_a_run() {
     run(&mut motion, 1e-3);
     assert_eq!(softness(&motion), 1.0);
     // The next run begins without a plausible value: it has to show the film anew.
-    motion.record(f32::NAN, 0.0, || 0.0, false, false);
+    lose_a_sample(&mut motion);
     motion.begin_run();
     motion.presume_softer();
     run(&mut motion, 0.0);
     assert_eq!(softness(&motion), 1.15);
 
     let mut motion = Motion::new(LIMITS);
-    motion.record(f32::NAN, 0.0, || 0.0, false, false);
+    lose_a_sample(&mut motion);
     motion.begin_run();
     motion.presume_softer();
     (0..LIMITS.stuck_ticks).for_each(|_| motion.record(f32::NAN, 0.0, || 0.0, false, true));
@@ -203,7 +217,7 @@ fn a_film_is_presumed_softer_within_a_run() {
     run(&mut motion, 0.0);
     assert_eq!(softness(&motion), 1.15);
     // It ends with the run.
-    motion.record(f32::NAN, 0.0, || 0.0, false, false);
+    lose_a_sample(&mut motion);
     let mut lost = motion;
     (0..LIMITS.stuck_ticks).for_each(|_| lost.record(0.0, 0.0, || 0.0, true, false));
     lost.begin_run();
@@ -214,14 +228,11 @@ fn a_film_is_presumed_softer_within_a_run() {
 /// A film whose law may be that of another is presumed softer until the sensor has shown it for ten blocks, in that run alone.
 #[test]
 fn a_film_is_presumed_softer_until_it_is_shown() {
-    let block_ticks = u16::try_from(LIMITS.stuck_ticks / 10).expect("some dozens");
-    let softness = |motion: &Motion| motion.furthest(1e-3) / 1e-3;
     for (share, shown) in [(1.0, 1.0), (1.3, 1.3), (0.7, 1.0)] {
-        let mut motion = Motion::new(LIMITS);
-        motion.begin_run();
+        let mut motion = begun();
         motion.presume_softer();
-        let mut blocks = |count: u16| {
-            (0..count * block_ticks).for_each(|_| motion.record(share * 1e-3, 1e-3, || 1e-3, true, true));
+        let mut blocks = |count: u32| {
+            record(&mut motion, count * LIMITS.stuck_ticks / 10, share * 1e-3, 1e-3);
             softness(&motion)
         };
         let (first, last, later) = (blocks(1), blocks(7), blocks(40));
@@ -230,7 +241,7 @@ fn a_film_is_presumed_softer_until_it_is_shown() {
         motion.begin_run();
         assert_eq!(softness(&motion), 1.0);
         // Without a plausible sensor nothing would end it.
-        motion.record(f32::NAN, 0.0, || 0.0, false, false);
+        lose_a_sample(&mut motion);
         motion.begin_run();
         motion.presume_softer();
         assert_eq!(softness(&motion), 1.0);

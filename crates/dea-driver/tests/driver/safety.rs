@@ -33,10 +33,7 @@ fn every_fault_ends_at_0_v_with_its_cause() {
 #[test]
 fn a_film_that_moves_too_far_trips() {
     let limits = Limits { max_displacement_m: 0.8e-3, ..bench_limits() };
-    let mut bench = Bench::new(&limits);
-    bench.tick(|_| ());
-    bench.supervisor.arm().expect("healthy");
-    bench.supervisor.start().expect("armed");
+    let mut bench = Bench::started(&limits);
     bench.spoil_until_tripped(|_| (), true);
     bench.is_safe(Cause::Displacement);
 }
@@ -52,9 +49,7 @@ fn a_host_timeout_trips() {
 #[test]
 fn the_hosts_timeout_begins_when_it_arms() {
     let mut bench = Bench::new(&bench_limits());
-    for _ in 0..2000 {
-        bench.tick(|_| ());
-    }
+    bench.ticks(2000, |_| ());
     bench.supervisor.arm().expect("healthy");
     assert_eq!(bench.spoil_until_tripped(|_| (), false), 501);
     bench.is_safe(Cause::Heartbeat);

@@ -4,7 +4,7 @@ use dea_driver::wire::{Answer, Command, Mode};
 use dea_driver::{BlobError, DriverState, Parameters, Refusal, Supervisor};
 
 use crate::bench::{board_parameters, encoded};
-use crate::board::BOARD;
+use crate::board::{BOARD, sealed};
 use crate::host::Host;
 
 /// A film that does not move, which no model explains.
@@ -17,22 +17,21 @@ fn needing_a_test_above(above_v: f32) -> Parameters {
 /// A host whose board runs these parameters.
 fn with(host: &mut Host, above_v: f32) {
     let bytes = encoded(&needing_a_test_above(above_v), BOARD);
-    host.upload(&bytes);
-    assert_eq!(host.ask(Command::Try { length: bytes.len() as u16 }), Answer::Done);
+    assert_eq!(host.try_blob(&bytes), Answer::Done);
     host.tick();
 }
 
 /// Plays a voltage for 0.2 s; the largest one that is commanded, V.
 fn play(host: &mut Host, volts: f32) -> f32 {
-    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
+    host.done(Command::Start(Mode::Voltage));
     let mut largest_v = 0.0_f32;
     for _ in 0..200 {
-        assert_eq!(host.ask(Command::SetVoltage(volts)), Answer::Done);
+        host.done(Command::SetVoltage(volts));
         host.tick();
         largest_v = largest_v.max(1000.0 * host.bench.drive.dac_v);
     }
     assert_eq!(host.state(), DriverState::Running);
-    assert_eq!(host.ask(Command::Disarm), Answer::Done);
+    host.done(Command::Disarm);
     host.tick();
     host.tick();
     largest_v
@@ -52,13 +51,13 @@ fn arming_above_a_stated_voltage_needs_a_self_test() {
         host.token = token;
         assert_eq!(play(&mut host, 3000.0), Supervisor::SELF_TEST_V);
         assert_eq!(host.ask(Command::Arm), Answer::Refused(Refusal::SelfTest), "armed for a test is no test");
-        assert_eq!(host.ask(Command::SelfTested), Answer::Done);
+        host.done(Command::SelfTested);
         host.arm();
         assert_eq!(play(&mut host, 3000.0), 3000.0);
         // It is of the bench: other parameters do not change that.
         with(&mut host, 0.0);
         host.arm();
-        assert_eq!(host.ask(Command::Disarm), Answer::Done);
+        host.done(Command::Disarm);
         // A test that is armed after it has its limit all the same.
         let Answer::Armed { token } = host.ask(Command::ArmForSelfTest) else { panic!("refused") };
         host.token = token;
@@ -75,7 +74,7 @@ fn arming_above_a_stated_voltage_needs_a_self_test() {
 #[test]
 fn a_self_test_is_of_this_start() {
     let mut host = Host::new(None);
-    assert_eq!(host.ask(Command::SelfTested), Answer::Done);
+    host.done(Command::SelfTested);
     with(&mut host, 1000.0);
     host.arm();
     let mut host = Host::new(None);
@@ -101,9 +100,7 @@ fn a_blob_states_the_voltage_only_where_there_is_one() {
     for (bytes, flag) in [(&usual, 2), (&stating, 0)] {
         let mut bytes = bytes[..bytes.len() - 4].to_vec();
         bytes[5] = flag;
-        let checksum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes);
-        bytes.extend(checksum.to_le_bytes());
-        assert_eq!(read(&bytes).err(), Some(BlobError::Contents), "{flag}");
+        assert_eq!(read(&sealed(&bytes)).err(), Some(BlobError::Contents), "{flag}");
     }
     for above_v in [f32::NAN, f32::INFINITY, -1.0] {
         let refused = dea_driver::Blob::new(needing_a_test_above(above_v)).err();

@@ -2,7 +2,7 @@
 
 use dea_driver::server::Session;
 use dea_driver::wire::{Answer, BAUD, Command, InjectedFault, Message, Mode, Reject, Request, VERSION};
-use dea_driver::{Cause, Device, DriverState, Inputs, Refusal, SCHEMA, SensorFault};
+use dea_driver::{Cause, Device, DriverState, Inputs, Refusal, SCHEMA, SensorFault, Telemetry};
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -37,7 +37,7 @@ fn before_there_are_parameters_most_commands_are_rejected() {
         Command::Query,
         Command::Rest,
         Command::Step([0.0].into_iter().collect()),
-        Command::Follow { mode: Mode::Voltage, targets: heapless_empty() },
+        Command::Follow { mode: Mode::Voltage, targets: [].into_iter().collect() },
         Command::Reload,
     ] {
         assert_eq!(host.ask(command.clone()), Answer::Rejected(Reject::NoParameters), "{command:?}");
@@ -57,13 +57,14 @@ fn before_there_are_parameters_most_commands_are_rejected() {
     let tripped = DriverState::Tripped(Cause::Watchdog);
     assert_eq!(host.state(), tripped);
     assert_eq!(host.ask(Command::Disarm), Answer::Refused(Refusal::State(tripped)));
-    assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
-    assert_eq!(host.ask(Command::Disarm), Answer::Done);
+    host.done(Command::Acknowledge);
+    host.done(Command::Disarm);
     assert_eq!(host.ask(Command::Acknowledge), Answer::Rejected(Reject::NoParameters));
 }
 
-fn heapless_empty<T, const N: usize>() -> dea_driver::heapless::Vec<T, N> {
-    dea_driver::heapless::Vec::new()
+/// The records that wait for the host.
+fn telemetry(host: &mut Host) -> impl Iterator<Item = Telemetry> {
+    std::iter::from_fn(|| host.bench.device.telemetry())
 }
 
 #[test]
@@ -73,33 +74,32 @@ fn a_run_from_upload_to_disarm() {
     let checksum = blob().last_chunk().copied().map(u32::from_le_bytes);
     let parameters = Answer::Parameters { name: "table3-n2".try_into().expect("short"), checksum };
     assert_eq!(host.ask(Command::Query), parameters);
-    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Refused(Refusal::State(DriverState::Disarmed)));
-    assert_eq!(host.ask(Command::Stop), Answer::Refused(Refusal::State(DriverState::Disarmed)));
-    assert_eq!(host.ask(Command::Acknowledge), Answer::Refused(Refusal::State(DriverState::Disarmed)));
+    for command in [Command::Start(Mode::Voltage), Command::Stop, Command::Acknowledge] {
+        assert_eq!(host.ask(command), Answer::Refused(Refusal::State(DriverState::Disarmed)));
+    }
     host.arm();
-    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
+    host.done(Command::Start(Mode::Voltage));
     assert_eq!(host.ask(Command::SetVoltage(7000.0)), Answer::Rejected(Reject::Value));
     assert_eq!(host.ask(Command::SetReference(f32::NAN)), Answer::Rejected(Reject::Value));
-    assert_eq!(host.ask(Command::SetVoltage(1000.0)), Answer::Done);
-    assert_eq!(host.ask(Command::Stream { every: 10 }), Answer::Done);
-    (0..100).for_each(|_| host.tick());
+    host.done(Command::SetVoltage(1000.0));
+    host.done(Command::Stream { every: 10 });
+    host.ticks(100);
     assert_eq!(host.bench.drive.dac_v, 1.0);
-    let records: Vec<u32> = std::iter::from_fn(|| host.bench.device.telemetry()).map(|record| record.tick).collect();
+    let records: Vec<u32> = telemetry(&mut host).map(|record| record.tick).collect();
     assert_eq!(records.len(), 10);
     assert!(records.windows(2).all(|pair| pair[1] - pair[0] == 10));
     // Parameters and loop tests are for a disabled amplifier.
     let running = Answer::Refused(Refusal::State(DriverState::Running));
-    host.upload(&blob());
     let flash = host.bench.store.clone().destroy();
-    assert_eq!(host.ask(Command::Commit { length: blob().len() as u16 }), running);
+    assert_eq!(host.commit(&blob()), running);
     // Saving would hold up the ticks.
     assert_eq!(host.bench.store.clone().destroy(), flash);
     assert_eq!(host.ask(Command::Rest), running);
     assert_eq!(host.ask(Command::Step([0.0].into_iter().collect())), running);
-    assert_eq!(host.ask(Command::Stop), Answer::Done);
-    assert_eq!(host.ask(Command::Disarm), Answer::Done);
+    host.done(Command::Stop);
+    host.done(Command::Disarm);
     // The cycles are those of the steps alone.
-    assert_eq!(host.ask(Command::Rest), Answer::Done);
+    host.done(Command::Rest);
     let Answer::Steps { steps, cycles: 42 } = host.ask(Command::Step([500.0; 3].into_iter().collect())) else {
         panic!("no steps")
     };
@@ -114,25 +114,23 @@ fn only_the_host_that_armed_keeps_it_enabled() {
         let mut host = Host::with_parameters();
         host.arm();
         if let Some(mode) = mode {
-            assert_eq!(host.ask(Command::Start(mode)), Answer::Done);
+            host.done(Command::Start(mode));
         }
         for _ in 0..4 {
-            (0..300).for_each(|_| host.tick());
+            host.ticks(300);
             let own = host.token;
             host.token = own.wrapping_mul(token);
             host.ask(command.clone());
             host.token = own;
             // Damaged frames do not count.
-            for byte in [1, 2, 3, 0] {
-                host.session.serve(byte, &mut host.bench);
-            }
+            host.hear(&[1, 2, 3, 0]);
         }
         match host.bench.device.state() {
             DriverState::Tripped(Cause::Heartbeat) => false,
             state => {
                 assert!(state.is_live(), "{command:?}: {state:?}");
                 // 0.5 s at 1 kHz, from the last request on.
-                (0..500).for_each(|_| host.tick());
+                host.ticks(500);
                 assert!(host.bench.device.state().is_live(), "{command:?}");
                 host.tick();
                 assert_eq!(host.bench.device.state(), DriverState::Tripped(Cause::Heartbeat), "{command:?}");
@@ -178,15 +176,15 @@ fn another_host_cannot_start_or_move_what_it_did_not_arm() {
     }
     assert_eq!(host.state(), DriverState::Armed);
     // It may always end it.
-    assert_eq!(host.ask(Command::Disarm), Answer::Done);
+    host.done(Command::Disarm);
     // The next arming draws another token; the old one is worth nothing.
     host.arm();
     let next = std::mem::replace(&mut host.token, token);
     assert!(next != token && next != 0 && token != 0);
     assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Rejected(Reject::Token));
     host.token = next;
-    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
-    assert_eq!(host.ask(Command::Stop), Answer::Done);
+    host.done(Command::Start(Mode::Voltage));
+    host.done(Command::Stop);
 }
 
 /// A frame of the host that armed is obeyed once, and not after a newer one: neither the same bytes again nor one from a buffer keep a voltage, or act
@@ -199,7 +197,7 @@ fn no_request_is_obeyed_late_or_twice() {
         host.sequence = random.random();
         host.arm();
         let mut sent: Vec<(u32, Command)> = Vec::new();
-        assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
+        host.done(Command::Start(Mode::Voltage));
         sent.push((host.sequence, Command::Start(Mode::Voltage)));
         for _ in 0..200 {
             host.sequence = host.sequence.wrapping_add(random.random_range(0..255));
@@ -211,7 +209,7 @@ fn no_request_is_obeyed_late_or_twice() {
             let answer = host.ask(command.clone());
             assert!(matches!(answer, Answer::Done | Answer::Status(_)), "{answer:?}");
             sent.push((host.sequence, command));
-            (0..3).for_each(|_| host.tick());
+            host.ticks(3);
             let (sequence, old) = sent[random.random_range(0..sent.len())].clone();
             let newest = host.sequence;
             if old != Command::Status {
@@ -222,7 +220,7 @@ fn no_request_is_obeyed_late_or_twice() {
         }
         // Another host stops it, and the last bytes come again.
         let (sequence, newest, token) = (sent[0].0, host.sequence, std::mem::take(&mut host.token));
-        assert_eq!(host.ask(Command::Stop), Answer::Done);
+        host.done(Command::Stop);
         host.token = token;
         host.sequence = sequence.wrapping_sub(1);
         assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Stale { newest });
@@ -232,13 +230,13 @@ fn no_request_is_obeyed_late_or_twice() {
             assert_eq!(host.ask(Command::Heartbeat), Answer::Stale { newest });
         }
         // Stop and disarm are obeyed at any time.
-        assert_eq!(host.ask(Command::Disarm), Answer::Done);
+        host.done(Command::Disarm);
     }
     // The same bytes for an hour: only the first keep it alive.
     let mut host = Host::with_parameters();
     host.arm();
-    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
-    assert_eq!(host.ask(Command::SetVoltage(3000.0)), Answer::Done);
+    host.done(Command::Start(Mode::Voltage));
+    host.done(Command::SetVoltage(3000.0));
     let sequence = host.sequence;
     for _ in 0..600 {
         host.tick();
@@ -304,8 +302,8 @@ fn preflight_names_everything_that_is_in_the_way() {
     let mut host = Host::with_parameters();
     let ready = |self_test_s| Answer::Preflight { refusals: [].into_iter().collect(), self_test_s };
     assert_eq!(host.ask(Command::Preflight), ready(None));
-    assert_eq!(host.ask(Command::SelfTested), Answer::Done);
-    (0..2500).for_each(|_| host.tick());
+    host.done(Command::SelfTested);
+    host.ticks(2500);
     assert_eq!(host.ask(Command::Preflight), ready(Some(2)));
 
     let bad = Inputs { interlock_closed: false, monitor_adc_v: Some(9.0), sensor_adc_v: None };
@@ -327,15 +325,10 @@ fn preflight_names_everything_that_is_in_the_way() {
 #[test]
 fn the_status_counts_what_was_refused() {
     let mut host = Host::with_parameters();
-    let mut send = |bytes: &[u8]| {
-        for &byte in bytes {
-            host.session.serve(byte, &mut host.bench);
-        }
-    };
     // Broken stuffing three times, and twice a command that does not exist.
-    (0..3).for_each(|_| send(&[9, 9, 0]));
-    (0..2).for_each(|_| send(&frame(&(1u16, 0u16, 200u8))));
-    let Answer::Status(status) = host.ask(Command::Status) else { panic!("no status") };
+    host.hear(&[9, 9, 0].repeat(3));
+    host.hear(&frame(&(1u16, 0u16, 200u8)).repeat(2));
+    let status = host.status();
     assert_eq!((status.damaged_frames, status.unknown_frames, status.stack_peak), (3, 2, 99));
 }
 
@@ -348,10 +341,10 @@ fn no_token_is_0_or_the_one_before() {
         host.session = Session::new("1.2.3");
         host.arm();
         let token = host.token;
-        assert_eq!(host.ask(Command::Disarm), Answer::Done);
+        host.done(Command::Disarm);
         host.arm();
         assert!(token != 0 && host.token != 0 && host.token != token, "{token}, then {}", host.token);
-        assert_eq!(host.ask(Command::Disarm), Answer::Done);
+        host.done(Command::Disarm);
         first.push(token);
         host.tick();
     }
@@ -366,11 +359,9 @@ fn no_token_is_0_or_the_one_before() {
 fn dropped_records_are_reported() {
     let mut host = Host::with_parameters();
     assert!(host.bench.device.controller().is_some_and(|controller| controller.parameters().rate_hz == 1000.0));
-    assert_eq!(host.ask(Command::Stream { every: 1 }), Answer::Done);
-    (0..30).for_each(|_| host.tick());
-    let waiting: Vec<u32> = std::iter::from_fn(|| host.bench.device.telemetry()).map(|record| record.dropped).collect();
-    assert_eq!(waiting, [0; 16]);
-    (0..2).for_each(|_| host.tick());
-    let next: Vec<u32> = std::iter::from_fn(|| host.bench.device.telemetry()).map(|record| record.dropped).collect();
-    assert_eq!(next, [14, 0]);
+    host.done(Command::Stream { every: 1 });
+    host.ticks(30);
+    assert!(telemetry(&mut host).map(|record| record.dropped).eq([0; 16]));
+    host.ticks(2);
+    assert!(telemetry(&mut host).map(|record| record.dropped).eq([14, 0]));
 }

@@ -3,13 +3,12 @@
 use dea_driver::chips::{Calibration, MAX_POINTS};
 use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters, RamFlash, Store, StoreError};
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
-use springpot::{Actuator, Knot, Law, LawOptions, VoltageDrive};
+use springpot::{Actuator, Knot, VoltageDrive};
 
-use crate::bench::{board_parameters, encoded};
+use crate::bench::{board_parameters, encoded, law};
+use crate::board::{self, SECTOR};
 
 const BOARD: u16 = 0x0405;
-/// Bytes of an erasable part.
-const SECTOR: usize = 1024;
 
 fn named(name: &str) -> Parameters {
     Parameters { name: name.try_into().expect("short"), ..board_parameters() }
@@ -19,12 +18,8 @@ fn bytes_of(parameters: &Parameters) -> Vec<u8> {
     encoded(parameters, BOARD)
 }
 
-/// A slot as doc/blob.md describes it.
 fn slot(sequence: u32, name: &str) -> Vec<u8> {
-    let mut bytes = [sequence.to_le_bytes(), (!sequence).to_le_bytes()].concat();
-    bytes.extend(bytes_of(&named(name)));
-    bytes.resize(SECTOR, 0xff);
-    bytes
+    board::slot(sequence, &bytes_of(&named(name)))
 }
 
 fn store(slots: [Vec<u8>; 2]) -> Store<RamFlash> {
@@ -44,8 +39,7 @@ fn a_blob_comes_back_as_it_was() {
     let blob = Blob::decode(&bytes_of(&parameters), BOARD).expect("valid");
     assert_eq!(*blob.parameters(), parameters);
     // The law is the one that a host steps, to the bit.
-    let model = springpot::Preset::TABLE3_N2.model().expect("valid");
-    let law = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
+    let law = law();
     let observer = blob.follower().compensator().observer();
     assert_eq!(observer.law(), &law);
     let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");

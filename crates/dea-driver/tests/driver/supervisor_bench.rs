@@ -2,23 +2,12 @@
 
 use dea_driver::{Cause, DriverState, Limits, Readings, Refusal, Supervisor};
 
+use crate::bench::readings;
+
 pub const RATE_HZ: f32 = 1000.0;
 
 /// Effect of a fault on the readings of a tick.
 pub type Spoil = fn(&mut Readings);
-
-/// A closed interlock, and a model that explains the film.
-pub fn readings(monitor_v: f32, displacement_m: f32, predicted_m: f32) -> Readings {
-    Readings {
-        interlock_closed: true,
-        monitor_v,
-        displacement_m,
-        predicted_m,
-        open_loop_m: predicted_m,
-        is_frozen: false,
-        disturbance_share: 0.0,
-    }
-}
 
 /// A film on a bench: the amplifier follows its command within a tick, the film stretches with V².
 pub struct Bench {
@@ -53,12 +42,25 @@ impl Bench {
         state
     }
 
-    /// Running, at 4 kV.
-    pub fn run(limits: &Limits) -> Self {
+    /// Ticks, whose readings `spoil` may alter.
+    pub fn ticks(&mut self, count: u32, spoil: impl Fn(&mut Readings)) {
+        for _ in 0..count {
+            self.tick(&spoil);
+        }
+    }
+
+    /// Running, at 0 V.
+    pub fn started(limits: &Limits) -> Self {
         let mut bench = Self::new(limits);
         bench.tick(|_| ());
         bench.supervisor.arm().expect("healthy");
         bench.supervisor.start().expect("armed");
+        bench
+    }
+
+    /// Running, at 4 kV.
+    pub fn run(limits: &Limits) -> Self {
+        let mut bench = Self::started(limits);
         for _ in 0..200 {
             bench.supervisor.heartbeat();
             bench.tick(|_| ());
@@ -83,16 +85,16 @@ impl Bench {
 
     /// Asserts that it is at 0 V with this cause, and stays so until it is acknowledged.
     pub fn is_safe(&mut self, cause: Cause) {
-        assert_eq!(self.supervisor.state(), DriverState::Tripped(cause));
-        assert!(!self.supervisor.enables());
-        assert_eq!(self.supervisor.command_v(), 0.0);
+        let tripped = DriverState::Tripped(cause);
+        let shown = |supervisor: &Supervisor| (supervisor.state(), supervisor.enables(), supervisor.command_v());
+        assert_eq!(shown(&self.supervisor), (tripped, false, 0.0));
         // It stays so, whatever is asked for, and whatever happens next.
         self.wanted_v = 6000.0;
         self.tick(|readings| readings.interlock_closed = false);
-        assert_eq!((self.supervisor.state(), self.supervisor.command_v()), (DriverState::Tripped(cause), 0.0));
-        assert_eq!(self.supervisor.arm(), Err(Refusal::State(DriverState::Tripped(cause))));
-        assert_eq!(self.supervisor.start(), Err(Refusal::State(DriverState::Tripped(cause))));
-        assert_eq!(self.supervisor.disarm(), Err(Refusal::State(DriverState::Tripped(cause))));
+        assert_eq!(shown(&self.supervisor), (tripped, false, 0.0));
+        for request in [Supervisor::arm, Supervisor::start, Supervisor::disarm] {
+            assert_eq!(request(&mut self.supervisor), Err(Refusal::State(tripped)));
+        }
         // Until it is acknowledged, and even then it has to be armed again.
         self.supervisor.acknowledge().expect("tripped");
         assert_eq!(self.supervisor.state(), DriverState::Disarmed);

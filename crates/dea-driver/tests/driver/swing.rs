@@ -44,9 +44,8 @@ fn springy(mass_kg: f64) -> Maxwell {
 fn a_loop_that_swings_trips() {
     let options = LawOptions::at_step(1e-3);
     let law = Law::compressed(&springy(0.316), options).expect("valid");
-    let mut bench = FilmBench::with(parameters(&law, 2.5));
-    bench.law = Law::compressed(&springy(850.0), options).expect("valid");
-    bench.film = bench.law.state();
+    let heavy = Law::compressed(&springy(850.0), options).expect("valid");
+    let mut bench = FilmBench { film: heavy.state(), law: heavy, ..FilmBench::with(parameters(&law, 2.5)) };
     let (ends, state) = swings(&mut bench, 20, |t| 0.1e-3 * (1.0 - (TAU * 0.1 * t).cos()));
     assert_eq!(state, DriverState::Tripped(Cause::Disturbance), "{ends} ends");
     assert!(ends <= 2, "{ends}");

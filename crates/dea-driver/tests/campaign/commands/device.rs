@@ -9,7 +9,7 @@ use dea_driver::{
 use springpot::{Compressed, Law, LawState, VoltageDrive};
 
 use super::{Counts, Mood, RATE_HZ, Source, limits};
-use crate::bench::board_parameters;
+use crate::bench::changed_parameters;
 use crate::reference::Reference;
 use crate::scale::cases;
 
@@ -18,12 +18,11 @@ const M_PER_V: f32 = 1e-3;
 const REST_M: f32 = -1e-3;
 
 fn parameters(on_sensor_fault: OnSensorFault) -> Parameters {
-    let mut parameters = board_parameters();
-    parameters.limits = limits(on_sensor_fault);
-    // Below the largest voltage once the film has thinned.
-    parameters.limits.max_field_v_per_m = 2.55e7;
-    parameters.limits.sensor.stuck_ticks = 100;
-    parameters
+    changed_parameters(|p| {
+        p.limits = limits(on_sensor_fault);
+        // Below the largest voltage once the film has thinned.
+        (p.limits.max_field_v_per_m, p.limits.sensor.stuck_ticks) = (2.55e7, 100);
+    })
 }
 
 /// The memory of a controller's film that no sensor corrects.

@@ -2,13 +2,13 @@
 
 use dea_driver::chips::DacCode;
 use dea_driver::server::Session;
-use dea_driver::wire::{Answer, Command, FRAME_LEN, Inspection, LearningOrder, Message, Part, Request, encode};
+use dea_driver::wire::{Answer, Command, LearningOrder, Message, Request};
 use dea_driver::{
-    Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Limits, Mode, OnSensorFault, Parameters, RamFlash,
+    Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Mode, OnSensorFault, Parameters, RamFlash,
 };
 
 use crate::bench::{board_parameters, encoded};
-use crate::board::{BOARD, Bench};
+use crate::board::{BOARD, Bench, frame, inspection};
 use crate::circuit::{Circuit, sensed_parameters};
 use crate::film::{Film, ModelFilm};
 use crate::stack;
@@ -98,10 +98,9 @@ pub struct World {
 
 fn parameters(doing: Doing) -> Parameters {
     let mut parameters = if doing == Doing::Senses { sensed_parameters() } else { board_parameters() };
-    parameters.limits.on_sensor_fault = OnSensorFault::Trip;
-    parameters.limits = Limits { max_voltage_v: MAX_V, max_displacement_m: STROKE_M, ..parameters.limits };
-    parameters.limits.sensor.low = -0.5e-3;
-    parameters.limits.sensor.high = 3e-3;
+    let limits = &mut parameters.limits;
+    (limits.max_voltage_v, limits.max_displacement_m, limits.on_sensor_fault) = (MAX_V, STROKE_M, OnSensorFault::Trip);
+    (limits.sensor.low, limits.sensor.high) = (-0.5e-3, 3e-3);
     parameters.control.harmonics = 2;
     parameters
 }
@@ -162,12 +161,9 @@ impl World {
 
     pub fn ask(&mut self, command: Command) -> Answer {
         self.sequence = self.sequence.wrapping_add(1);
-        let mut frame = [0; FRAME_LEN + 1];
-        let request = Request { sequence: self.sequence, token: self.token, command };
-        let length = encode(&request, &mut frame).expect("fits");
+        let request = frame(&Request { sequence: self.sequence, token: self.token, command });
         let mut answer = None;
-        let bytes = frame[..length].iter().copied();
-        self.session.turn(bytes, &mut self.bench, |message| {
+        self.session.turn(request.into_iter(), &mut self.bench, |message| {
             if let Message::Answer { answer: found, .. } = message {
                 answer = Some(found.clone());
             }
@@ -209,7 +205,7 @@ impl World {
             }
             None => tick(device, inputs),
         };
-        device.report(inspection(was_enabled, inputs));
+        device.report(inspection(inputs.interlock_closed, was_enabled));
         self.drive = drive;
         // The amplifier follows at once, and falls at once.
         let gain = if self.event == Some(Event::Amplifier) { 1600.0 } else { 1000.0 };
@@ -257,16 +253,4 @@ impl World {
 pub fn tick(device: &mut Device, inputs: Inputs) -> (Drive, DacCode) {
     let drive = device.tick(inputs);
     (drive, DacCode::from_volts(drive.dac_v, drive.range))
-}
-
-fn inspection(enable_high: bool, inputs: Inputs) -> Inspection {
-    Inspection {
-        interlock_closed: inputs.interlock_closed,
-        enable_high,
-        dac: Part::Answers,
-        monitor: Part::Answers,
-        sensor: Part::Answers,
-        monitor_adc_v: inputs.monitor_adc_v.unwrap_or(f32::NAN),
-        sensor_adc_v: inputs.sensor_adc_v.unwrap_or(f32::NAN),
-    }
 }
