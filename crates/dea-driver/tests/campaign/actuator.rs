@@ -36,7 +36,6 @@ use crate::scale::cases;
 const ASTRAY: u32 = 23;
 const LIVE: u32 = 1002;
 
-/// Reading of an ADC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Adc {
     Zero,
@@ -206,7 +205,6 @@ impl Board {
         self.displacement_m = self.film.step(self.film_v);
     }
 
-    /// The DAC's output, V.
     fn dac_v(drive: Drive, fault: Option<Fault>) -> f64 {
         let other = match drive.range {
             CommandRange::FiveVolts => CommandRange::TenVolts,

@@ -332,11 +332,10 @@ impl Loop {
         if state != DriverState::Running {
             assert_eq!(outputs.telemetry.command_v, 0.0, "{state:?}");
         }
+        self.check_telemetry(inputs, outputs, state);
         if !outputs.enable {
             assert_eq!(dac_v, 0.0, "{state:?}");
-            self.film_moves(0.0);
-            self.check_telemetry(inputs, outputs, state);
-            return;
+            return self.film_moves(0.0);
         }
         let code = DacCode::from_volts(dac_v, range);
         let at = |code: u16| apply(&self.parameters.amplifier, f64::from(DacCode(code).volts(range)));
@@ -350,13 +349,9 @@ impl Loop {
         // At code 0 the amplifier shows its offset, which no command lowers.
         if code.0 > 0 {
             counts.highest_share = counts.highest_share.max((film_v - step_v) / most_v);
-            assert!(
-                film_v <= most_v * (1.0 + 1e-5) + step_v,
-                "{film_v} V, at most {most_v} V and a step of {step_v} V"
-            );
+            assert!(film_v <= most_v * (1.0 + 1e-5) + step_v, "{film_v} V, at most {most_v} V, a step of {step_v} V");
         }
         self.film_moves(film_v);
-        self.check_telemetry(inputs, outputs, state);
     }
 
     fn film_moves(&mut self, volts: f64) {

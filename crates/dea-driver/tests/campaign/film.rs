@@ -4,12 +4,10 @@ use std::sync::OnceLock;
 
 use springpot::{Actuator, Law, LawOptions, LawState, Preset, VoltageDrive};
 
-/// Step of the films, s.
 pub const STEP_S: f64 = 1e-3;
 /// Largest voltage of the amplifiers in these tests, V.
 const MAX_V: f64 = 11e3;
 
-/// A film under a voltage.
 #[allow(clippy::large_enum_variant)] // there is one of them at a time
 #[derive(Clone)]
 pub enum Film {

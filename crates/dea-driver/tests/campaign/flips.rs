@@ -35,7 +35,6 @@ const FLIPS: u32 = 40;
 const GOES_ON: u32 = 400;
 const STAYS: u32 = 100;
 
-/// The memory in which a bit flips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Place {
     Supervisor,
@@ -95,7 +94,6 @@ fn loop_test_bytes(controller: &Controller) -> usize {
     size_of::<Controller>() - first
 }
 
-/// How a case has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
     /// As without the flip: every drive is the same.

@@ -14,7 +14,6 @@ const BYTES_PER_MS: usize = 46;
 pub enum Stall {
     /// It keeps them, and delivers them afterwards.
     Holds,
-    /// They are lost.
     Loses,
 }
 
@@ -25,7 +24,6 @@ pub enum Way {
     ToHost,
 }
 
-/// One direction of a line.
 pub struct Line {
     way: Way,
     /// For the wire.

@@ -44,7 +44,6 @@ struct Firmware {
     obeyed: u32,
     /// Tick of the last request that keeps it enabled.
     accepted: u32,
-    /// Records that went out.
     records: Vec<Telemetry>,
     trips: Vec<u32>,
     lost_bytes: u32,
@@ -138,10 +137,8 @@ impl Firmware {
             assert_eq!(message, None);
         } else if let Some(before) = before {
             self.damaged += 1;
-            assert!(
-                matches!(message, Some(Message::Answer { sequence: 0, answer: Answer::Rejected(_) })),
-                "{message:?}"
-            );
+            let rejects = matches!(message, Some(Message::Answer { sequence: 0, answer: Answer::Rejected(_) }));
+            assert!(rejects, "{message:?}");
             assert_eq!(before, format!("{:?}", self.bench.device), "a damaged frame was obeyed");
         } else {
             self.obeyed += 1;
@@ -163,7 +160,6 @@ fn decoded(frame: &[u8]) -> Request {
     receiver.push(0).expect("a frame").expect("as it was sent")
 }
 
-/// Counts of a run.
 struct Run {
     firmware: Firmware,
     player: Player,
@@ -267,11 +263,10 @@ fn a_bad_line_neither_trips_nor_moves_a_film() {
         let stalls_over = long_stalls.iter().filter(|&&start| start + 1000 < 1000 * duration_s).count();
         if errors <= 1e-5 {
             assert_eq!(alone, 0, "false trips of run {number}: {:?}, stalls {long_stalls:?}", firmware.trips);
+            let (trips, states) = (&firmware.trips, &player.states);
             assert!(
-                firmware.trips.len() >= stalls_over,
-                "run {number}: a stall that did not end at 0 V {:?} {long_stalls:?} {:?}",
-                firmware.trips,
-                player.states
+                trips.len() >= stalls_over,
+                "run {number}: a stall without 0 V {trips:?} {long_stalls:?} {states:?}"
             );
         }
         assert!(firmware.obeyed > 50 * duration_s, "run {number}: only {} requests arrived", firmware.obeyed);

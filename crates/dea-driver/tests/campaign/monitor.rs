@@ -64,7 +64,6 @@ fn started(limits: &Limits) -> Supervisor {
     supervisor
 }
 
-/// Reading of the monitor.
 enum Fault {
     Arcs(Arcing),
     Frozen,
@@ -237,7 +236,6 @@ fn a_monitor_that_disagrees_trips() {
     assert!(runs.iter().any(|run| run.end == End::Unseen));
 }
 
-/// A healthy bench.
 struct Healthy {
     limits: Limits,
     /// The amplifier's slew, V per tick.

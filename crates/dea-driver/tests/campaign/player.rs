@@ -19,7 +19,6 @@ struct Asked {
     patience: u32,
 }
 
-/// The host.
 pub struct Player {
     receiver: Receiver,
     sequence: u32,
@@ -87,7 +86,6 @@ impl Player {
         }
     }
 
-    /// A byte from the line.
     pub fn receive(&mut self, byte: u8) {
         match self.receiver.push::<Message>(byte) {
             None => {}

@@ -18,7 +18,6 @@ const ARC_SHARE: f64 = 0.75;
 /// Time after the settling time of an arc in which there must be no other, s.
 const QUIET_S: f32 = 0.5;
 
-/// The machine.
 #[derive(Clone, Debug)]
 pub struct Reference {
     limits: Limits,
@@ -241,6 +240,24 @@ impl Reference {
         }
         self.state = taken;
         Ok(())
+    }
+
+    /// The same; goes there.
+    pub fn follow(&mut self, readings: Readings, taken: DriverState) {
+        let before = self.state;
+        if let Err(possible) = self.check(readings, taken) {
+            panic!("tick {}: {before:?} leads to {taken:?} instead of {possible:?}: {readings:?}", self.ticks);
+        }
+    }
+
+    /// Checks that an answer is as expected; of several faults of the sensor any.
+    pub fn same(&self, done: Result<(), Refusal>, expected: Result<(), Refusal>) {
+        match (done, expected) {
+            (Err(Refusal::Sensor(found)), Err(Refusal::Sensor(_))) => {
+                assert!(self.sensor_faults.contains(&found), "{found:?}");
+            }
+            (done, expected) => assert_eq!(done, expected),
+        }
     }
 
     fn causes(&self, readings: &Readings, agrees: bool) -> Vec<Cause> {

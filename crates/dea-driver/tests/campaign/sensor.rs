@@ -283,7 +283,6 @@ impl Run {
     }
 }
 
-/// How a fault ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum End {
     WithinASecond,

@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use libc::{REG_EFL, REG_RSP, siginfo_t, ucontext_t};
 
-/// A flip.
 #[derive(Clone, Copy, Debug)]
 pub struct Flip {
     /// Instructions before it.
@@ -59,7 +58,6 @@ fn install() {
     });
 }
 
-/// Runs `work` with this flip on its stack.
 #[inline(never)]
 pub fn with_flip<R>(flip: Flip, work: impl FnOnce() -> R) -> R {
     install();

@@ -11,7 +11,6 @@ use crate::board::SECTOR;
 const WORD: usize = 4;
 const ERASED: u32 = u32::MAX;
 
-/// A word of flash.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Word {
     value: u32,
@@ -42,7 +41,6 @@ impl NorFlashError for Failed {
 }
 
 impl TornFlash {
-    /// Flash with these contents.
     pub fn new(bytes: &[u8], seed: u64) -> Self {
         assert_eq!(bytes.len(), 2 * SECTOR);
         let (words, _) = bytes.as_chunks::<WORD>();
@@ -61,7 +59,6 @@ impl TornFlash {
         self.operations_left = None;
     }
 
-    /// Whether the power is on.
     pub fn has_power(&self) -> bool {
         self.has_power
     }

@@ -228,6 +228,8 @@ fn what_was_kept_is_used_after_a_restart() {
 #[test]
 fn what_no_law_has_learned_is_refused() {
     let with = |adapted| Parameters { adapted: Some(adapted), self_test_above_v: 1e3, ..board_parameters() };
+    let is_out_of_range =
+        |refused: &Option<BlobError>| matches!(refused, Some(BlobError::Control(ControlError::OutOfRange { .. })));
     let sound = Adapted {
         force_scale: 0.5,
         uncertainty: 0.1,
@@ -256,22 +258,16 @@ fn what_no_law_has_learned_is_refused() {
         Adapted { uncertainty: f32::NAN, ..sound },
         Adapted { ageing: f32::INFINITY, ..sound },
     ] {
-        let refused = with(unsound).encode(BOARD, &mut [0; BLOB_LEN]);
-        assert!(
-            matches!(refused, Err(BlobError::Control(ControlError::OutOfRange { .. }))),
-            "{unsound:?}: {refused:?}"
-        );
+        let refused = with(unsound).encode(BOARD, &mut [0; BLOB_LEN]).err();
+        assert!(is_out_of_range(&refused), "{unsound:?}: {refused:?}");
     }
     // The scale is the first of the last seven numbers, before the checksum.
     let end = bytes.len() - 4;
     bytes[end - 28..end - 24].copy_from_slice(&5f32.to_le_bytes());
-    assert!(matches!(
-        Blob::decode(&sealed(&bytes[..end]), BOARD),
-        Err(BlobError::Control(ControlError::OutOfRange { .. }))
-    ));
+    let refused = Blob::decode(&sealed(&bytes[..end]), BOARD).err();
+    assert!(is_out_of_range(&refused), "{refused:?}");
 }
 
-/// The status over the link.
 fn status(host: &mut Host) -> AdaptationStatus {
     match host.ask(Command::Adaptation) {
         Answer::Adaptation(status) => status,

@@ -94,9 +94,10 @@ fn an_arc_may_heal_and_the_next_one_trips() {
     }
     // Several discharges each time, and all healed for the half second after: one arc every 0.52 s, until the seventh.
     let seventh = Some(6 * 521);
-    assert_eq!(trips_at(600_000, |tick| if [0, 7, 19].contains(&(tick % 521)) { 0.0 } else { 4000.0 }), seventh);
+    let dips = |is_at: bool| if is_at { 0.0 } else { 4000.0 };
+    assert_eq!(trips_at(600_000, |tick| dips([0, 7, 19].contains(&(tick % 521)))), seventh);
     // What fell within the settling time does not begin another one.
-    assert_eq!(trips_at(2000, |tick| if [0, 20, 521].contains(&tick) { 0.0 } else { 4000.0 }), None);
+    assert_eq!(trips_at(2000, |tick| dips([0, 20, 521].contains(&tick))), None);
     // An arc that shows for long is still one.
     let slow = |tick| if tick % 521 < 15 { 300.0 * (tick % 521) as f32 } else { 4000.0 };
     assert_eq!(trips_at(600_000, slow), seventh);

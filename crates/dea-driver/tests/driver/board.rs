@@ -32,7 +32,6 @@ pub struct Bench {
     pub program: Option<Program>,
 }
 
-/// A program in a flash.
 #[derive(Clone)]
 pub struct Program {
     pub image: Image,

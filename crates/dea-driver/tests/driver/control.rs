@@ -119,20 +119,6 @@ fn tracking_goes_on_without_its_sensor() {
     }
 }
 
-/// A staircase without a film, as an amplifier is calibrated: the sensor does not move, and nothing trips.
-#[test]
-fn voltages_may_be_played_without_a_film() {
-    let mut bench = Bench::new();
-    bench.start(Mode::Voltage);
-    for step in 0..20u16 {
-        bench.set_voltage(300.0 * f32::from(step));
-        for tick in 0..1000u16 {
-            bench.live_tick(|inputs| inputs.sensor_adc_v = Some(adc_v(6400 + tick % 3)));
-            assert_eq!(bench.state(), DriverState::Running, "step {step}, tick {tick}");
-        }
-    }
-}
-
 /// The field limit knows the film at its longest, whichever of sensor and model says so: at 30 V/µm a film with a third more force
 /// than the model's is thinner than the model, and one with less may be what the sensor shows wrongly. It knows what is left of one
 /// run in the next, after a trip between them.

@@ -46,6 +46,14 @@ fn run(bench: &mut Bench, seconds: u32, is_lost: impl Fn(u32) -> bool) -> Vec<[f
     (0..seconds).map(|k| second(bench, k)).collect()
 }
 
+/// One that has learned for 20 s.
+fn learned() -> Bench {
+    let mut bench = bench(6, 1.0);
+    bench.start(Mode::Feedforward);
+    run(&mut bench, 20, |_| false);
+    bench
+}
+
 fn restart(bench: &mut Bench, mode: Mode) {
     bench.ask(Controller::stop).expect("it runs");
     // The film comes back to rest.
@@ -84,10 +92,7 @@ fn what_was_learned_stays_without_the_sensor() {
 /// Another run begins with nothing, or by order with what the one before has learned; by order it is forgotten within a second.
 #[test]
 fn what_was_learned_is_cleared_or_carried_over() {
-    let mut bench = bench(6, 1.0);
-    bench.start(Mode::Feedforward);
-    run(&mut bench, 20, |_| false);
-
+    let mut bench = learned();
     bench.ask(|controller| controller.order_learning(LearningOrder::CarryOver));
     restart(&mut bench, Mode::Feedforward);
     let [carried, _] = run(&mut bench, 3, |_| false)[2];
@@ -105,9 +110,7 @@ fn what_was_learned_is_cleared_or_carried_over() {
 /// A fault may have taught it: after a trip is acknowledged nothing is carried over, whatever was ordered.
 #[test]
 fn what_was_learned_is_forgotten_when_a_trip_is_acknowledged() {
-    let mut bench = bench(6, 1.0);
-    bench.start(Mode::Feedforward);
-    run(&mut bench, 20, |_| false);
+    let mut bench = learned();
     bench.ask(|controller| controller.order_learning(LearningOrder::CarryOver));
     bench.tick(|inputs| inputs.interlock_closed = false);
     bench.ask(Controller::acknowledge).expect("tripped");

@@ -46,7 +46,6 @@ impl FilmBench {
         Self::around(law(), parameters)
     }
 
-    /// A bench with a film of this `law`.
     pub fn around(law: Law<f64>, parameters: Parameters) -> Self {
         let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
         let controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));

@@ -31,7 +31,11 @@ impl Host {
     }
 
     pub fn arm(&mut self) {
-        match self.ask(Command::Arm) {
+        self.arm_by(Command::Arm);
+    }
+
+    pub fn arm_by(&mut self, command: Command) {
+        match self.ask(command) {
             Answer::Armed { token } => self.token = token,
             other => panic!("{other:?}"),
         }

@@ -15,9 +15,11 @@ fn record(motion: &mut Motion, ticks: u32, film_m: f32, model_m: f32) {
     (0..ticks).for_each(|_| motion.record(film_m, model_m, || model_m, true, true));
 }
 
-/// A tick out of a run without a plausible value.
-fn lose_a_sample(motion: &mut Motion) {
+/// A run before which a sample was lost, and whose law may be that of another film.
+fn begin_unseen(motion: &mut Motion) {
     motion.record(f32::NAN, 0.0, || 0.0, false, false);
+    motion.begin_run();
+    motion.presume_softer();
 }
 
 /// How much softer than its model a film counts.
@@ -202,22 +204,18 @@ fn a_film_is_presumed_softer_within_a_run() {
     run(&mut motion, 1e-3);
     assert_eq!(softness(&motion), 1.0);
     // The next run begins without a plausible value: it has to show the film anew.
-    lose_a_sample(&mut motion);
-    motion.begin_run();
-    motion.presume_softer();
+    begin_unseen(&mut motion);
     run(&mut motion, 0.0);
     assert_eq!(softness(&motion), 1.15);
 
     let mut motion = Motion::new(LIMITS);
-    lose_a_sample(&mut motion);
-    motion.begin_run();
-    motion.presume_softer();
+    begin_unseen(&mut motion);
     (0..LIMITS.stuck_ticks).for_each(|_| motion.record(f32::NAN, 0.0, || 0.0, false, true));
     assert_eq!(softness(&motion), 1.0, "no sensor would end it");
     run(&mut motion, 0.0);
     assert_eq!(softness(&motion), 1.15);
     // It ends with the run.
-    lose_a_sample(&mut motion);
+    motion.record(f32::NAN, 0.0, || 0.0, false, false);
     let mut lost = motion;
     (0..LIMITS.stuck_ticks).for_each(|_| lost.record(0.0, 0.0, || 0.0, true, false));
     lost.begin_run();
@@ -241,9 +239,7 @@ fn a_film_is_presumed_softer_until_it_is_shown() {
         motion.begin_run();
         assert_eq!(softness(&motion), 1.0);
         // Without a plausible sensor nothing would end it.
-        lose_a_sample(&mut motion);
-        motion.begin_run();
-        motion.presume_softer();
+        begin_unseen(&mut motion);
         assert_eq!(softness(&motion), 1.0);
     }
 }

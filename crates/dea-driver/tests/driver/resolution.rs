@@ -1,6 +1,6 @@
 //! Limits that are finer than the converters of a board are refused, and the page states what that costs.
 
-use dea_driver::chips::{Calibration, Converters};
+use dea_driver::chips::{Calibration, Ceilings, Converters};
 use dea_driver::wire::boards;
 use dea_driver::{BLOB_LEN, Blob, BlobError, Limits, Parameters, PlausibilityLimits};
 
@@ -71,21 +71,19 @@ fn limits_that_12_bits_cannot_keep_are_refused() {
     assert_eq!(with(|p| p.limits.sensor.stuck_band = 2e-6), "sensor.stuck_band");
     assert_eq!(with(|p| p.limits.sensor.jump = 8e-6), "sensor.jump");
     // A sensor that is three times as steep.
-    assert_eq!(
-        with(|p| p.sensor = Calibration::Parabola { offset: -1e-3, gain: 10e-3, quadratic: 0.0 }),
-        "sensor.stuck_band"
-    );
+    let steep = |p: &mut Parameters| p.sensor = Calibration::Parabola { offset: -1e-3, gain: 10e-3, quadratic: 0.0 };
+    assert_eq!(with(steep), "sensor.stuck_band");
     // An open input may read a step.
     assert!(matches!(refused(|p| p.limits.sensor.low = -0.998e-3), BlobError::Unplugged { .. }));
     // The ceiling of 50 kV leaves room for a reference that is off by 1 %.
-    let ceilings = dea_driver::chips::Ceilings { voltage_v: 6050.0, ..Converters::STM32F4_ON_CHIP.ceilings };
-    let board = Converters { ceilings, ..Converters::STM32F4_ON_CHIP };
-    assert!(matches!(
-        Blob::with_converters(parameters(), &board),
-        Err(BlobError::Ceiling { quantity: "max_voltage_v", value: 6000.0, .. })
-    ));
-    let ceilings = dea_driver::chips::Ceilings { voltage_v: 6061.0, ..ceilings };
-    assert!(Blob::with_converters(parameters(), &Converters { ceilings, ..board }).is_ok());
+    let below = |voltage_v| {
+        let ceilings = Ceilings { voltage_v, ..Converters::STM32F4_ON_CHIP.ceilings };
+        let board = Converters { ceilings, ..Converters::STM32F4_ON_CHIP };
+        Blob::with_converters(parameters(), &board).err()
+    };
+    let error = below(6050.0);
+    assert!(matches!(error, Some(BlobError::Ceiling { quantity: "max_voltage_v", value: 6000.0, .. })), "{error:?}");
+    assert_eq!(below(6061.0), None);
 }
 
 /// Everything that the other board kept before is still kept by it.

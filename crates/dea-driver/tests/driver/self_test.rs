@@ -3,37 +3,32 @@
 use dea_driver::wire::{Answer, Command, Mode};
 use dea_driver::{BlobError, DriverState, Parameters, Refusal, Supervisor};
 
-use crate::bench::{board_parameters, encoded};
+use crate::bench::{board_parameters, changed_parameters, encoded};
 use crate::board::{BOARD, sealed};
 use crate::host::Host;
 
 /// A film that does not move, which no model explains.
 fn needing_a_test_above(above_v: f32) -> Parameters {
-    let mut parameters = Parameters { self_test_above_v: above_v, ..board_parameters() };
-    parameters.limits.max_disturbance_share = 0.4;
-    parameters
+    changed_parameters(|p| (p.self_test_above_v, p.limits.max_disturbance_share) = (above_v, 0.4))
 }
 
 /// A host whose board runs these parameters.
 fn with(host: &mut Host, above_v: f32) {
-    let bytes = encoded(&needing_a_test_above(above_v), BOARD);
-    assert_eq!(host.try_blob(&bytes), Answer::Done);
+    assert_eq!(host.try_blob(&encoded(&needing_a_test_above(above_v), BOARD)), Answer::Done);
     host.tick();
 }
 
 /// Plays a voltage for 0.2 s; the largest one that is commanded, V.
 fn play(host: &mut Host, volts: f32) -> f32 {
     host.done(Command::Start(Mode::Voltage));
-    let mut largest_v = 0.0_f32;
-    for _ in 0..200 {
+    let largest_v = (0..200).fold(0.0_f32, |largest_v, _| {
         host.done(Command::SetVoltage(volts));
         host.tick();
-        largest_v = largest_v.max(1000.0 * host.bench.drive.dac_v);
-    }
+        largest_v.max(1000.0 * host.bench.drive.dac_v)
+    });
     assert_eq!(host.state(), DriverState::Running);
     host.done(Command::Disarm);
-    host.tick();
-    host.tick();
+    host.ticks(2);
     largest_v
 }
 
@@ -47,8 +42,7 @@ fn arming_above_a_stated_voltage_needs_a_self_test() {
         let refusals = [Refusal::SelfTest].into_iter().collect();
         assert_eq!(host.ask(Command::Preflight), Answer::Preflight { refusals, self_test_s: None });
         // The test itself may be armed, and moves no film.
-        let Answer::Armed { token } = host.ask(Command::ArmForSelfTest) else { panic!("refused") };
-        host.token = token;
+        host.arm_by(Command::ArmForSelfTest);
         assert_eq!(play(&mut host, 3000.0), Supervisor::SELF_TEST_V);
         assert_eq!(host.ask(Command::Arm), Answer::Refused(Refusal::SelfTest), "armed for a test is no test");
         host.done(Command::SelfTested);
@@ -59,8 +53,7 @@ fn arming_above_a_stated_voltage_needs_a_self_test() {
         host.arm();
         host.done(Command::Disarm);
         // A test that is armed after it has its limit all the same.
-        let Answer::Armed { token } = host.ask(Command::ArmForSelfTest) else { panic!("refused") };
-        host.token = token;
+        host.arm_by(Command::ArmForSelfTest);
         assert_eq!(play(&mut host, 3000.0), Supervisor::SELF_TEST_V);
     }
     for above_v in [6500.0, Parameters::<springpot::Compressed<f32>>::NO_SELF_TEST_V] {

@@ -75,7 +75,6 @@ pub const EVENTS: [(Event, u32); 7] = [
     (Event::Overdriven, ENDS),
 ];
 
-/// A board with its host, its amplifier and its film.
 #[derive(Clone)]
 pub struct World {
     pub bench: Bench,

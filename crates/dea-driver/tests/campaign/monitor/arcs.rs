@@ -48,7 +48,6 @@ impl Arcing {
 /// How arcs show, by the closed form.
 #[derive(Clone, Copy)]
 pub struct Shows {
-    /// The mean dwell, ms.
     pub dwell_ms: f64,
     /// Probability that one shows as such.
     pub arc: f64,
