@@ -1,5 +1,6 @@
 //! AD5754 and AD5754R: 16-bit DAC with a reference of 2.5 V, external or its own, its channel A. From drivers that agree, and from memory: see the README.
 
+use crate::port::Port;
 use crate::serial::{Sdi, SerialChip};
 use crate::violation::{Rule, Violation, Violations};
 
@@ -106,14 +107,7 @@ pub struct Ad5754 {
     hot: bool,
     over_current: bool,
     ramp: Ramp,
-    // serial port
-    open: bool,
-    clocks: u32,
-    sync_fell: u64,
-    clock_fell: Option<u64>,
-    sdo_before: bool,
-    sdo_after: bool,
-    sdo_changed: u64,
+    port: Port,
 }
 
 impl Default for Ad5754 {
@@ -129,13 +123,7 @@ impl Default for Ad5754 {
             hot: false,
             over_current: false,
             ramp: Ramp::default(),
-            open: false,
-            clocks: 0,
-            sync_fell: 0,
-            clock_fell: None,
-            sdo_before: false,
-            sdo_after: false,
-            sdo_changed: 0,
+            port: Port::default(),
         }
     }
 }
@@ -157,7 +145,7 @@ impl Ad5754 {
     /// have their power-up values ("Configuring the AD5724/AD5734/AD5754").
     pub fn set_dvcc(&mut self, on: bool, now: u64) {
         self.dvcc = on;
-        self.open = false;
+        self.port.open = false;
         self.registers = Registers::POWER_UP;
         self.settle(now);
     }
@@ -314,24 +302,19 @@ impl SerialChip for Ad5754 {
                 self.registers.shift = answer;
             }
         }
-        self.open = true;
-        self.clocks = 0;
-        self.clock_fell = None;
-        self.sync_fell = now;
+        self.port.begin(now);
     }
 
     fn sclk(&mut self, level: bool, sdi: Sdi, now: u64) {
-        if !self.open {
+        if !self.port.open {
             return;
         }
         if level {
-            self.sdo_before = self.sdo(now).unwrap_or(self.sdo_after);
-            self.sdo_after = self.registers.shift >> 23 & 1 == 1;
-            self.sdo_changed = now;
-            return;
+            let before = self.sdo(now).unwrap_or(self.port.after);
+            return self.port.launch(before, self.registers.shift >> 23 & 1 == 1, now);
         }
-        let after_select = now - self.sync_fell;
-        let period = self.clock_fell.replace(now).map_or(u64::MAX, |fell| now - fell);
+        let after_select = now - self.port.selected;
+        let period = self.port.captured.replace(now).map_or(u64::MAX, |fell| now - fell);
         if after_select < timing::SELECT_TO_CLOCK {
             return self.violations.note(now, Rule::ClockAfterSelect(after_select));
         }
@@ -340,12 +323,12 @@ impl SerialChip for Ad5754 {
         }
         // SDIN has to stay for some ns after the edge (t8): where it changes at the edge, the new level is taken.
         self.registers.shift = (self.registers.shift << 1 | u32::from(sdi.after)) & WORD;
-        self.clocks += 1;
+        self.port.clocks += 1;
     }
 
     fn sdo(&self, now: u64) -> Option<bool> {
-        let settled = now >= self.sdo_changed + timing::SDO_VALID;
-        self.dvcc.then_some(if settled { self.sdo_after } else { self.sdo_before })
+        let settled = now >= self.port.changed + timing::SDO_VALID;
+        self.dvcc.then_some(if settled { self.port.after } else { self.port.before })
     }
 
     fn deselect(&mut self, now: u64) {
@@ -353,19 +336,15 @@ impl SerialChip for Ad5754 {
             return;
         }
         self.registers.sync_rose = Some(now);
-        if !std::mem::take(&mut self.open) {
+        if !self.port.open {
             return;
         }
-        let after_clock = self.clock_fell.map_or(u64::MAX, |fell| now - fell);
-        if after_clock < timing::CLOCK_TO_SELECT {
-            self.violations.note(now, Rule::SelectAfterClock(after_clock));
-            self.clocks = self.clocks.saturating_sub(1);
+        let clocks = self.port.end(now, timing::CLOCK_TO_SELECT, &mut self.violations);
+        if clocks < 24 {
+            return self.violations.note(now, Rule::ShortFrame(clocks));
         }
-        if self.clocks < 24 {
-            return self.violations.note(now, Rule::ShortFrame(self.clocks));
-        }
-        if !self.clocks.is_multiple_of(24) {
-            self.violations.note(now, Rule::OddFrame(self.clocks));
+        if !clocks.is_multiple_of(24) {
+            self.violations.note(now, Rule::OddFrame(clocks));
         }
         self.execute(now);
     }

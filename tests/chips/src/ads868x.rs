@@ -1,5 +1,6 @@
 //! ADS8681, ADS8685, ADS8689: 16-bit ADC with one input. Data sheet SBAS633E (August 2022).
 
+use crate::port::Port;
 use crate::serial::{Sdi, SerialChip};
 use crate::violation::{Rule, Violation, Violations};
 
@@ -99,16 +100,10 @@ pub struct Ads868x {
     sampled_v: f64,
     result: u16,
     // serial port
-    open: bool,
+    port: Port,
     answer: Option<u32>,
     output: u32,
     received: u32,
-    clocks: u32,
-    select_fell: u64,
-    capture: Option<u64>,
-    sdo_before: bool,
-    sdo_after: bool,
-    sdo_changed: u64,
 }
 
 impl Ads868x {
@@ -128,16 +123,10 @@ impl Ads868x {
             end: 0,
             sampled_v: 0.0,
             result: UNKNOWN_RESULT,
-            open: false,
+            port: Port::default(),
             answer: None,
             output: 0,
             received: 0,
-            clocks: 0,
-            select_fell: 0,
-            capture: None,
-            sdo_before: false,
-            sdo_after: false,
-            sdo_changed: 0,
         }
     }
 
@@ -186,7 +175,7 @@ impl Ads868x {
         let ready = now + ADC_POWER_UP_NS;
         (self.ready, self.end, self.acquiring_since) = (ready, ready, ready);
         (self.range_sel, self.dataout_ctl, self.result) = (0, 0, UNKNOWN_RESULT);
-        self.open = false;
+        self.port.open = false;
         self.answer = None;
     }
 
@@ -208,13 +197,6 @@ impl Ads868x {
         self.sampled_v = volts;
         // A range that does not exist is never set.
         self.result = ends(self.range_sel).map_or(self.result, |ends| code(volts, ends));
-    }
-
-    /// The next bit goes to SDO.
-    fn launch(&mut self, now: u64) {
-        self.sdo_before = self.sdo_after;
-        self.sdo_after = self.output >> 31 == 1;
-        self.sdo_changed = now;
     }
 
     /// Carries out a command (SBAS633E, Table 7-5): a WRITE or READ of a half-word, at an even address. Other registers, bits and
@@ -241,27 +223,24 @@ impl SerialChip for Ads868x {
         if remaining > 0 {
             return self.violations.note(now, Rule::FrameDuringConversion(remaining));
         }
-        self.open = true;
+        self.port.begin(now);
         // An answer, else the result and the range if it is included (SBAS633E, 7.5.3).
         let range = if self.dataout_ctl & RANGE_INCL != 0 { u32::from(self.range_sel) << 12 } else { 0 };
         self.output = self.answer.take().unwrap_or(u32::from(self.result) << 16 | range);
         self.received = 0;
-        self.clocks = 0;
-        self.capture = None;
-        self.select_fell = now;
         // CPHA = 0: the first bit comes with the select.
-        self.launch(now);
-        self.sdo_before = self.sdo_after;
+        let first = self.output >> 31 == 1;
+        self.port.launch(first, first, now);
     }
 
     fn sclk(&mut self, level: bool, sdi: Sdi, now: u64) {
-        if !self.open {
+        if !self.port.open {
             return;
         }
         if !level {
-            return self.launch(now);
+            return self.port.launch(self.port.after, self.output >> 31 == 1, now);
         }
-        let after_select = now - self.select_fell;
+        let after_select = now - self.port.selected;
         if after_select < timing::SELECT_TO_CLOCK {
             return self.violations.note(now, Rule::ClockAfterSelect(after_select));
         }
@@ -269,33 +248,30 @@ impl SerialChip for Ads868x {
         // in follows what goes out, as in a daisy chain (SBAS633E, 7.4.1.3).
         self.output = self.output << 1 | u32::from(sdi.before);
         self.received = self.received << 1 | u32::from(sdi.before);
-        self.clocks += 1;
-        self.capture = Some(now);
+        self.port.clocks += 1;
+        self.port.captured = Some(now);
     }
 
     fn sdo(&self, now: u64) -> Option<bool> {
-        if !self.open || now < self.select_fell + timing::SELECT_TO_DATA {
+        if !self.port.open || now < self.port.selected + timing::SELECT_TO_DATA {
             return None;
         }
         // No shortest delay is given: at the very edge the new bit may be there. After it, the longest counts.
-        let passed = now - self.sdo_changed;
-        Some(if passed == 0 || passed >= timing::CLOCK_TO_DATA { self.sdo_after } else { self.sdo_before })
+        let passed = now - self.port.changed;
+        Some(if passed == 0 || passed >= timing::CLOCK_TO_DATA { self.port.after } else { self.port.before })
     }
 
     fn deselect(&mut self, now: u64) {
-        if !std::mem::take(&mut self.open) || !self.listens(now) {
+        let was_open = std::mem::take(&mut self.port.open);
+        if !was_open || !self.listens(now) {
             return;
         }
-        let after_clock = self.capture.map_or(u64::MAX, |capture| now - capture);
-        if after_clock < timing::CLOCK_TO_SELECT {
-            self.violations.note(now, Rule::SelectAfterClock(after_clock));
-            self.clocks -= 1;
-        }
+        let clocks = self.port.end(now, timing::CLOCK_TO_SELECT, &mut self.violations);
         self.convert(now);
-        if self.clocks >= 32 {
+        if clocks >= 32 {
             self.execute(now);
-        } else if self.clocks > 0 {
-            self.violations.note(now, Rule::ShortFrame(self.clocks));
+        } else if clocks > 0 {
+            self.violations.note(now, Rule::ShortFrame(clocks));
         }
     }
 }

@@ -7,7 +7,7 @@ use std::rc::Rc;
 use embedded_hal::spi::{ErrorType, Mode, Operation, SpiDevice};
 
 use crate::Clock;
-use crate::serial::{Absent, Bit, SerialChip, clock_bit};
+use crate::serial::{Absent, Bits, SerialChip};
 
 /// Times of a bus, and what its pins do.
 #[derive(Clone, Copy, Debug)]
@@ -144,19 +144,9 @@ impl Master<'_> {
         self.bus.clock.advance(gap_ns);
         let begin = self.bus.clock.now();
         let edge = |k: u64| begin + k * half_ps / 1000;
-        let sent = |k: u64| byte >> (7 - k) & 1 == 1;
-        let mut received = 0;
-        for k in 0..8 {
-            let bit = Bit {
-                value: sent(k),
-                previous: self.bus.mosi,
-                next: (k < 7).then(|| sent(k + 1)),
-                leading_ns: edge(2 * k),
-                trailing_ns: edge(2 * k + 1),
-            };
-            self.bus.mosi = bit.value;
-            received = received << 1 | u8::from(clock_bit(self.chip, self.mode, bit).unwrap_or(false));
-        }
+        let previous = std::mem::replace(&mut self.bus.mosi, byte & 1 == 1);
+        let bits = Bits { value: byte.into(), count: 8, previous };
+        let received = bits.clock(self.chip, self.mode, edge, false).0 as u8;
         self.bus.clock.advance_to(edge(15));
         let previous = std::mem::replace(&mut self.bus.received, received);
         if self.bus.timing.slow_pad { received & !1 | previous & 1 } else { received }

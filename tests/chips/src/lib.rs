@@ -7,6 +7,7 @@ mod ads868x;
 mod bus;
 mod clock;
 mod line;
+mod port;
 mod serial;
 mod violation;
 
@@ -15,5 +16,5 @@ pub use ads868x::{ADC_POWER_UP_NS, Ads868x, Variant};
 pub use bus::{SpiBus, SpiTiming, SpiWire};
 pub use clock::Clock;
 pub use line::Line;
-pub use serial::{Absent, Bit, Sdi, SerialChip, clock_bit};
+pub use serial::{Absent, Bits, Sdi, SerialChip};
 pub use violation::{Rule, Violation};

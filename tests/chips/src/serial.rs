@@ -53,39 +53,48 @@ impl SerialChip for Absent {
     fn deselect(&mut self, _now: u64) {}
 }
 
-/// One bit from a master.
+/// Bits that a master sends, the highest first.
 #[derive(Clone, Copy, Debug)]
-pub struct Bit {
-    /// Bits from the master.
-    pub value: bool,
+pub struct Bits {
+    /// What is sent, in the lowest bits.
+    pub value: u64,
+    /// How many bits.
+    pub count: u32,
     /// Level of the line before.
     pub previous: bool,
-    /// Next bits from the master, if they follow at once.
-    pub next: Option<bool>,
-    /// Time of the leading edge, ns.
-    pub leading_ns: u64,
-    /// Time of the trailing edge, ns.
-    pub trailing_ns: u64,
 }
 
-/// Clocks one bit as a master in `mode` does, and returns what it samples.
-///
-/// With CPHA = 0 the master changes its output at the trailing edge and samples at the leading one; with CPHA = 1 it is
-/// the other way round.
-pub fn clock_bit(chip: &mut dyn SerialChip, mode: Mode, bit: Bit) -> Option<bool> {
-    let leading_level = mode.polarity == Polarity::IdleLow;
-    match mode.phase {
-        Phase::CaptureOnFirstTransition => {
-            chip.sclk(leading_level, Sdi::stable(bit.value), bit.leading_ns);
-            let sampled = chip.sdo(bit.leading_ns);
-            let after = bit.next.unwrap_or(bit.value);
-            chip.sclk(!leading_level, Sdi { before: bit.value, after }, bit.trailing_ns);
-            sampled
-        }
-        Phase::CaptureOnSecondTransition => {
-            chip.sclk(leading_level, Sdi { before: bit.previous, after: bit.value }, bit.leading_ns);
-            chip.sclk(!leading_level, Sdi::stable(bit.value), bit.trailing_ns);
-            chip.sdo(bit.trailing_ns)
-        }
+impl Bits {
+    fn bit(self, index: u32) -> bool {
+        self.value >> (self.count - 1 - index) & 1 == 1
+    }
+
+    /// Clocks them as a master in `mode` does, with the edges at these times in ns, by their numbers. Returns what it samples, with `idle` where the chip
+    /// drives nothing, and for how many bits it does not.
+    ///
+    /// With CPHA = 0 the master changes its output at the trailing edge and samples at the leading one; with CPHA = 1 it is
+    /// the other way round.
+    pub fn clock(self, chip: &mut dyn SerialChip, mode: Mode, edge_ns: impl Fn(u64) -> u64, idle: bool) -> (u64, u32) {
+        let leading_level = mode.polarity == Polarity::IdleLow;
+        (0..self.count).fold((0, 0), |(received, floating), k| {
+            let (value, leading_ns, trailing_ns) =
+                (self.bit(k), edge_ns(u64::from(2 * k)), edge_ns(u64::from(2 * k + 1)));
+            let sampled = match mode.phase {
+                Phase::CaptureOnFirstTransition => {
+                    chip.sclk(leading_level, Sdi::stable(value), leading_ns);
+                    let sampled = chip.sdo(leading_ns);
+                    let after = if k + 1 < self.count { self.bit(k + 1) } else { value };
+                    chip.sclk(!leading_level, Sdi { before: value, after }, trailing_ns);
+                    sampled
+                }
+                Phase::CaptureOnSecondTransition => {
+                    let before = if k > 0 { self.bit(k - 1) } else { self.previous };
+                    chip.sclk(leading_level, Sdi { before, after: value }, leading_ns);
+                    chip.sclk(!leading_level, Sdi::stable(value), trailing_ns);
+                    chip.sdo(trailing_ns)
+                }
+            };
+            (received << 1 | u64::from(sampled.unwrap_or(idle)), floating + u32::from(sampled.is_none()))
+        })
     }
 }

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use converter_chips::{Bit, SerialChip, clock_bit};
+use converter_chips::{Bits, SerialChip};
 use embedded_hal::spi::{MODE_0, MODE_1, MODE_2, MODE_3};
 
 use crate::chip::Chip;
@@ -159,19 +159,13 @@ impl Chip {
             let Some(mode) = mode.filter(|_| self.carried(sck) == Some(Signal::Sck(number))) else { continue };
             let arrives = self.carried(mosi) == Some(Signal::Mosi(number));
             let sent = if arrives { sent } else { self.idle_byte(mosi) };
-            let bit = |index: u64| sent >> (7 - index) & 1 != 0;
             // With CPHA = 0 the first edge comes half a period after the bit, with CPHA = 1 together with it.
             let late = if mode & 1 == 0 { 1 } else { 0 };
             let edge_ns = |halves: u64| start / NANOSECOND + (halves + late) * 500_000_000 / u64::from(sck_hz);
-            let given = (0..8).fold(0, |received, index| {
-                let (leading_ns, trailing_ns) = (edge_ns(2 * index), edge_ns(2 * index + 1));
-                let next = (index < 7).then(|| bit(index + 1));
-                let previous = std::mem::replace(&mut wired.mosi, bit(index));
-                let on_wires = Bit { value: bit(index), previous, next, leading_ns, trailing_ns };
-                let level = clock_bit(&mut *wired.chip.borrow_mut(), MODES[mode], on_wires);
-                received << 1 | u8::from(level.unwrap_or(self.idle(miso)))
-            });
-            if self.carried(miso) == Some(Signal::Miso(number)) && answer.replace(given).is_some() {
+            let previous = std::mem::replace(&mut wired.mosi, sent & 1 == 1);
+            let bits = Bits { value: sent.into(), count: 8, previous };
+            let (given, _) = bits.clock(&mut *wired.chip.borrow_mut(), MODES[mode], edge_ns, self.idle(miso));
+            if self.carried(miso) == Some(Signal::Miso(number)) && answer.replace(given as u8).is_some() {
                 self.note(Violation::TwoSelected { pin: select });
             }
         }

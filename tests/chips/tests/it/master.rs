@@ -1,6 +1,6 @@
 //! A master that sends any number of bits at any speed.
 
-use converter_chips::{Ad5754, Ads868x, Bit, Rule, SerialChip, Variant, clock_bit};
+use converter_chips::{Ad5754, Ads868x, Bits, Rule, SerialChip, Variant};
 use embedded_hal::spi::{MODE_0, MODE_1, Mode};
 
 pub struct Master {
@@ -26,25 +26,9 @@ impl Master {
         self.now += self.high_ns;
         chip.select(self.now);
         self.now += self.margin_ns;
-        self.floating = 0;
-        let bit = |k: u32| value >> (count - 1 - k) & 1 == 1;
-        let mut read = 0;
-        for k in 0..count {
-            let leading_ns = self.now + u64::from(2 * k) * self.half_ns;
-            let sampled = clock_bit(
-                chip,
-                self.mode,
-                Bit {
-                    value: bit(k),
-                    previous: k > 0 && bit(k - 1),
-                    next: (k + 1 < count).then(|| bit(k + 1)),
-                    leading_ns,
-                    trailing_ns: leading_ns + self.half_ns,
-                },
-            );
-            self.floating += u32::from(sampled.is_none());
-            read = read << 1 | u64::from(sampled.unwrap_or(false));
-        }
+        let bits = Bits { value, count, previous: false };
+        let (read, floating) = bits.clock(chip, self.mode, |edge| self.now + edge * self.half_ns, false);
+        self.floating = floating;
         if count > 0 {
             self.now += u64::from(2 * count - 1) * self.half_ns;
         }
