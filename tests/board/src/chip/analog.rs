@@ -135,7 +135,6 @@ impl Peripheral for Dac {
     }
 }
 
-/// An ADC.
 pub struct Adc {
     family: Family,
     registers: Registers,

@@ -1,6 +1,5 @@
 //! The families of chips, and where they have what: RM0090 and RM0440, sections of their clock controls.
 
-/// A family of chips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Family {
     /// STM32F405 and STM32F407.

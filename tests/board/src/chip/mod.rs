@@ -124,7 +124,7 @@ impl Block {
             Family::F4 => [[0x30, 0x10], [0x40, 0x20], [0x44, 0x24]],
             Family::G4 => [[0x4c, 0x2c], [0x58, 0x38], [0x60, 0x40]],
         }
-        .map(|[enable, reset]| move |bit| Gate::new(enable, reset, bit));
+        .map(|[enable, reset]| move |bit| Gate { enable, reset, bit, reset_bit: bit });
         Some(match (self, family) {
             (Self::Tim5, _) => apb1(3),
             (Self::Usart2, _) => apb1(17),
@@ -134,7 +134,7 @@ impl Block {
             (Self::Spi(_), _) => apb1(14),
             (Self::Dac, Family::F4) => apb1(29),
             // One bit resets all three.
-            (Self::Adc(number), Family::F4) => apb2(7 + u32::from(number)).reset_by(8),
+            (Self::Adc(number), Family::F4) => Gate { reset_bit: 8, ..apb2(7 + u32::from(number)) },
             (Self::AdcCommon, Family::F4) => apb2(8),
             (Self::Dac, Family::G4) => ahb(16),
             (Self::Adc(_) | Self::AdcCommon, Family::G4) => ahb(13),
@@ -152,7 +152,6 @@ impl Block {
     }
 }
 
-/// The chip and what is wired to it.
 pub struct Chip {
     family: Family,
     pub rcc: Rcc,
@@ -181,7 +180,6 @@ pub struct Chip {
 }
 
 impl Chip {
-    /// A chip after power-up.
     pub fn new(family: Family, oscillators: Oscillators) -> Self {
         let port = |index: usize| Port::new(family, (b'A' + index as u8) as char);
         Self {
@@ -238,7 +236,6 @@ impl Chip {
         self.spi(number.into()).sck_hz(Block::Spi(number).bus_hz(&self.clocks()))
     }
 
-    /// The core waits.
     pub fn wait_cycles(&mut self, cycles: u32) {
         self.now += time::of_cycles(cycles.into(), self.clocks().hclk_hz);
         self.advance();
@@ -430,7 +427,6 @@ impl Chip {
         self.around.volts.push((pin, volts));
     }
 
-    /// A pin's port.
     fn port(&self, pin: Pin) -> &Port {
         &self.ports[pin.index()]
     }

@@ -2,7 +2,6 @@
 
 use std::fmt;
 
-/// A pin by its port and number.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Pin {
     /// From 'A' to 'I'.

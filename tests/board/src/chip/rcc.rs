@@ -50,7 +50,6 @@ pub enum Loop {
     Dead,
 }
 
-/// Oscillators of the board.
 #[derive(Clone, Copy, Debug)]
 pub struct Oscillators {
     /// Crystal, Hz; none: it does not start.
@@ -94,7 +93,6 @@ impl Rcc {
         self.registers[self.layout().pllcfgr] & mask == crystal
     }
 
-    /// Sets the flags of the last reset.
     pub fn set_reset_flags(&mut self, flags: u32) {
         let csr = &mut self.registers[self.family.layout().csr];
         *csr = *csr & !reset_flag::ALL | flags & reset_flag::ALL;
@@ -117,7 +115,6 @@ impl Rcc {
         }
     }
 
-    /// Clock source of the core.
     pub fn source(&self) -> Source {
         self.source
     }
@@ -262,20 +259,8 @@ impl Peripheral for Rcc {
 
 /// Where a block's clock is switched on, and where it is reset.
 pub struct Gate {
-    enable: u32,
-    reset: u32,
-    bit: u32,
-    reset_bit: u32,
-}
-
-impl Gate {
-    /// A gate by the registers that hold it, and its bit in both.
-    pub const fn new(enable: u32, reset: u32, bit: u32) -> Self {
-        Self { enable, reset, bit, reset_bit: bit }
-    }
-
-    /// The same, reset by another bit of the same place.
-    pub const fn reset_by(self, reset_bit: u32) -> Self {
-        Self { reset_bit, ..self }
-    }
+    pub enable: u32,
+    pub reset: u32,
+    pub bit: u32,
+    pub reset_bit: u32,
 }

@@ -34,7 +34,6 @@ impl IndexMut<u32> for Registers {
 
 /// A block as the bus accesses it.
 pub trait Peripheral {
-    /// The value of a register.
     fn value(&self, offset: u32, now: Picoseconds) -> u32;
 
     /// Clears what reading a register clears.

@@ -9,18 +9,21 @@ use board_on_host::chip::violation::Violation;
 use board_on_host::hal::gpio::{PinState, Speed, gpiob};
 use board_on_host::hal::pac::SPI2;
 use board_on_host::hal::prelude::*;
-use board_on_host::hal::rcc::{Config, Rcc};
+use board_on_host::hal::rcc::Config;
 use board_on_host::hal::spi::Spi;
 
 use super::slaves::{Recorder, dac_wiring};
 use super::start::crystal;
 
 /// SPI2 on its pins, their pads at `speed`, in mode 0. The select stays with the caller.
-fn spi2(spi2: SPI2, pins: gpiob::Parts, speed: Speed, hz: u32, rcc: &mut Rcc) -> (Spi<SPI2>, gpiob::PB12) {
+fn spi2(board: &Board, config: Config, speed: Speed, hz: u32) -> (Spi<SPI2>, gpiob::PB12) {
+    let chip = board.peripherals();
+    let mut rcc = chip.RCC.freeze(config);
+    let pins = chip.GPIOB.split(&mut rcc);
     let sck = pins.pb13.into_alternate().speed(speed);
     let mosi = pins.pb15.into_alternate().speed(speed);
     let mode = board_on_host::hal::hal::spi::MODE_0;
-    (Spi::new(spi2, (Some(sck), Some(pins.pb14), Some(mosi)), mode, hz.Hz(), rcc), pins.pb12)
+    (Spi::new(chip.SPI2, (Some(sck), Some(pins.pb14), Some(mosi)), mode, hz.Hz(), &mut rcc), pins.pb12)
 }
 
 /// Compares a register with its reset value in the vendor's description of the chip.
@@ -52,16 +55,8 @@ fn registers_begin_as_the_vendor_describes_them() {
     rcc.apb1enr().modify(|_, w| w.dacen().set_bit());
     rcc.apb2enr().modify(|_, w| w.adc1en().set_bit().adc2en().set_bit());
     let (adc, dac) = (&chip.ADC2, &chip.DAC);
-    assert_as_reset!(
-        chip.ADC1.sr(),
-        chip.ADC1.cr1(),
-        chip.ADC1.cr2(),
-        adc.smpr1(),
-        adc.smpr2(),
-        adc.sqr1(),
-        adc.sqr3()
-    );
-    assert_as_reset!(adc.htr(), chip.ADC_COMMON.ccr(), dac.cr(), dac.dhr12r2());
+    assert_as_reset!(chip.ADC1.sr(), chip.ADC1.cr1(), chip.ADC1.cr2(), adc.smpr1(), adc.smpr2(), adc.sqr1());
+    assert_as_reset!(adc.sqr3(), adc.htr(), chip.ADC_COMMON.ccr(), dac.cr(), dac.dhr12r2());
     assert_eq!(board.violations(), []);
 }
 
@@ -109,24 +104,16 @@ fn clocks_beyond_their_limits() {
     board.chip(|chip| chip.wait_ns(3_000_000));
     rcc.pllcfgr().modify(|_, w| w.pllsrc().hsi());
     rcc.cfgr().modify(|_, w| w.sw().pll());
-    assert_eq!(
-        board.violations(),
-        [
-            Violation::LoopWithoutInput,
-            Violation::LoopSetWhileOn,
-            Violation::BusClock { bus: "APB1", hz: 168_000_000 },
-            Violation::BusClock { bus: "APB2", hz: 168_000_000 },
-            Violation::WaitStates { set: 0, needed: 5 },
-        ]
-    );
+    let [apb1, apb2] = ["APB1", "APB2"].map(|bus| Violation::BusClock { bus, hz: 168_000_000 });
+    let slow_flash = Violation::WaitStates { set: 0, needed: 5 };
+    let expected = [Violation::LoopWithoutInput, Violation::LoopSetWhileOn, apb1, apb2, slow_flash];
+    assert_eq!(board.violations(), expected);
 }
 
 #[test]
 fn a_select_that_moves_within_a_byte() {
     let board = Board::new(Oscillators::default());
-    let chip = board.peripherals();
-    let mut rcc = chip.RCC.freeze(Config::hsi());
-    let (mut bus, select) = spi2(chip.SPI2, chip.GPIOB.split(&mut rcc), Speed::VeryHigh, 100_000, &mut rcc);
+    let (mut bus, select) = spi2(&board, Config::hsi(), Speed::VeryHigh, 100_000);
     let mut select = select.into_push_pull_output_in_state(PinState::Low);
     board.chip(|chip| chip.wire(dac_wiring(), Recorder::new(&[])));
     assert!(bus.write_nonblocking(0x55).is_ok());
@@ -137,9 +124,7 @@ fn a_select_that_moves_within_a_byte() {
 #[test]
 fn data_that_are_written_over_others_and_two_chips_at_once() {
     let board = Board::new(Oscillators::default());
-    let chip = board.peripherals();
-    let mut rcc = chip.RCC.freeze(Config::hsi());
-    let (mut bus, select) = spi2(chip.SPI2, chip.GPIOB.split(&mut rcc), Speed::VeryHigh, 100_000, &mut rcc);
+    let (mut bus, select) = spi2(&board, Config::hsi(), Speed::VeryHigh, 100_000);
     for _ in 0..2 {
         board.chip(|chip| chip.wire(dac_wiring(), Recorder::new(&[])));
     }
@@ -164,9 +149,7 @@ fn pads_that_are_too_slow_for_their_clock_and_for_its_way_back() {
         (Speed::Low, Config::hsi(), [0x11, 0x32]),
     ] {
         let board = Board::new(Oscillators::default());
-        let chip = board.peripherals();
-        let mut rcc = chip.RCC.freeze(config);
-        let (mut bus, select) = spi2(chip.SPI2, chip.GPIOB.split(&mut rcc), speed, 2_000_000, &mut rcc);
+        let (mut bus, select) = spi2(&board, config, speed, 2_000_000);
         let mut select = select.into_push_pull_output_in_state(PinState::High);
         board.chip(|chip| chip.wire(dac_wiring(), Recorder::new(&[0x11, 0x32])));
         let mut bytes = [0; 2];
@@ -181,9 +164,7 @@ fn pads_that_are_too_slow_for_their_clock_and_for_its_way_back() {
         assert_eq!(board.violations(), []);
     }
     let board = Board::new(Oscillators::default());
-    let chip = board.peripherals();
-    let mut rcc = chip.RCC.freeze(crystal());
-    let (mut bus, _) = spi2(chip.SPI2, chip.GPIOB.split(&mut rcc), Speed::Low, 5_250_000, &mut rcc);
+    let (mut bus, _) = spi2(&board, crystal(), Speed::Low, 5_250_000);
     assert!(bus.write_nonblocking(0).is_ok());
     let pads = [13, 15].map(|number| Violation::SlowPad { pin: Pin::new('B', number), sck_hz: 5_250_000 });
     assert_eq!(board.violations(), pads);

@@ -98,7 +98,6 @@ pub fn run<K: Kind>(board: &Board, bench: &mut K::Bench, drives: impl IntoIterat
     }
 }
 
-/// Whether the enable output is high.
 pub fn is_enabled<K: Kind>(board: &Board) -> bool {
     board.chip(|chip| chip.level(K::ENABLE))
 }
@@ -253,14 +252,14 @@ pub trait OnChip: Kind + Default {
 }
 
 macro_rules! on_chip {
-    ($kind:ident, $module:ident, $start:ident, $supply_v:literal) => {
+    ($kind:ident, $name:literal, $family:ident, $module:ident, $start:ident, $supply_v:literal) => {
         #[derive(Default)]
         pub struct $kind;
 
         impl Kind for $kind {
             type Bench = $module::Bench;
-            const NAME: &'static str = $kind::TITLE;
-            const FAMILY: Family = $kind::OF;
+            const NAME: &'static str = $name;
+            const FAMILY: Family = Family::$family;
             const CRYSTAL_HZ: u32 = $module::CRYSTAL_HZ;
             const ID: u16 = $module::ID;
             const CONVERTERS: Converters = $module::CONVERTERS;
@@ -311,13 +310,8 @@ macro_rules! on_chip {
     };
 }
 
-on_chip!(Discovery, stm32f407_discovery, start_discovery, 3.0);
-on_chip!(Nucleo, nucleo_g474re, start_nucleo, 3.3);
-
-impl Discovery {
-    const TITLE: &'static str = "STM32F4DISCOVERY";
-    const OF: Family = Family::F4;
-}
+on_chip!(Discovery, "STM32F4DISCOVERY", F4, stm32f407_discovery, start_discovery, 3.0);
+on_chip!(Nucleo, "NUCLEO-G474RE", G4, nucleo_g474re, start_nucleo, 3.3);
 
 impl OnChip for Discovery {
     const DAC: Pin = Pin::new('A', 5);
@@ -331,11 +325,6 @@ impl OnChip for Discovery {
     const SPOILED: &'static [(u32, u32)] =
         &[(0x4001_2004, 1 << 24), (0x4001_2110, 0), (0x4001_2304, 1 << 23), (0x4001_2008, 0)];
     const OTHER_FACTORY: u32 = 1555;
-}
-
-impl Nucleo {
-    const TITLE: &'static str = "NUCLEO-G474RE";
-    const OF: Family = Family::G4;
 }
 
 impl OnChip for Nucleo {

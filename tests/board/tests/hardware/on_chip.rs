@@ -24,6 +24,14 @@ fn started<K: OnChip>() -> (Board, K::Bench) {
     (board, bench)
 }
 
+/// The same with its amplifier enabled.
+fn enabled<K: OnChip>() -> (Board, K::Bench) {
+    let (board, mut bench) = started::<K>();
+    run::<K>(&board, &mut bench, [K::ON; 3]);
+    assert!(is_enabled::<K>(&board));
+    (board, bench)
+}
+
 /// 3 V are no reference of their own: readings and command follow the chip's.
 fn volts_are_volts_at_every_supply<K: OnChip>() {
     for core in CLOCKS {
@@ -61,10 +69,8 @@ fn a_supply_that_drifts_is_followed() {
 #[test]
 fn a_reference_that_fails_later_is_noticed_before_the_share_on_the_page() {
     let share = 100.0 * MAX_SUPPLY_CHANGE;
-    let page = include_str!("../../../../docs/boards.md");
-    assert!(
-        page.contains(&format!("\n| the same with a reference that fails later | 0: two references | {share:.0} %"))
-    );
+    let row = format!("\n| the same with a reference that fails later | 0: two references | {share:.0} %");
+    assert!(include_str!("../../../../docs/boards.md").contains(&row));
     let (board, mut bench) = started::<Discovery>();
     let mut largest = 1.0_f64;
     for _ in 0..1000 {
@@ -99,9 +105,7 @@ fn a_supply_or_a_reference_outside_of_its_range_ends_in_the_tick<K: OnChip>() {
         ("ADC1 always the same", |board| board.chip(|chip| chip.adcs[0].always = Some(2048))),
     ];
     for (name, spoil) in faults {
-        let (board, mut bench) = started::<K>();
-        run::<K>(&board, &mut bench, [K::ON; 3]);
-        assert!(is_enabled::<K>(&board));
+        let (board, mut bench) = enabled::<K>();
         spoil(&board);
         let (inputs, applied) = tick(&board, &mut bench, K::ON);
         assert_eq!((inputs.monitor_adc_v, inputs.sensor_adc_v), (None, None), "{name}");
@@ -128,8 +132,7 @@ fn a_dac_that_does_not_drive_its_pin_disables_the_amplifier_a_tick_later<K: OnCh
         }),
     ];
     for (name, spoil) in faults {
-        let (board, mut bench) = started::<K>();
-        run::<K>(&board, &mut bench, [K::ON; 3]);
+        let (board, mut bench) = enabled::<K>();
         spoil(&board);
         assert!(matches!(tick(&board, &mut bench, K::ON).1, Err(AmplifierError::Readback { .. })), "{name}");
         assert!(!is_enabled::<K>(&board), "{name}");
@@ -146,8 +149,7 @@ fn a_dac_that_takes_no_codes_is_noticed_with_the_next_command<K: OnChip>() {
 
 /// Its pin would not show it: a DAC may be off by more.
 fn a_dac_that_holds_a_code_beside_its_own_is_noticed<K: OnChip>() {
-    let (board, mut bench) = started::<K>();
-    run::<K>(&board, &mut bench, [K::ON; 3]);
+    let (board, mut bench) = enabled::<K>();
     // A bit of its register that has flipped.
     let other = (1.5 / K::SUPPLY_V * 4096.0).round() as u16 + 8;
     board.chip(|chip| chip.dac.holds = Some(other.into()));
@@ -159,8 +161,7 @@ fn a_dac_that_holds_a_code_beside_its_own_is_noticed<K: OnChip>() {
 /// None of its readings is that of a conversion before.
 fn an_adc_that_never_ends_a_conversion_has_no_readings<K: OnChip>() {
     for index in 0..2 {
-        let (board, mut bench) = started::<K>();
-        run::<K>(&board, &mut bench, [K::ON; 3]);
+        let (board, mut bench) = enabled::<K>();
         board.chip(|chip| chip.adcs[index].is_dead = true);
         let (inputs, applied) = tick(&board, &mut bench, K::ON);
         assert_eq!((inputs.monitor_adc_v, inputs.sensor_adc_v), (None, None), "ADC{}", index + 1);

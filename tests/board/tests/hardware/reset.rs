@@ -7,7 +7,7 @@ use board_on_host::chip::memory::Memory;
 use board_on_host::chip::rcc::{Oscillators, reset_flag};
 use board_on_host::f4::family::reset;
 use board_on_host::g4::family::{self as g4, Chip};
-use board_on_host::log::Level;
+use board_on_host::log::{Level, Line};
 use board_on_host::panic::Message;
 use dea_driver::Cause;
 
@@ -62,6 +62,13 @@ fn a_panic_is_the_cause_and_its_message_is_logged() {
     assert!(matches!(&log[..], [(Level::Error, text)] if text.contains("the crystal has stopped")), "{log:?}");
 }
 
+/// Asserts that the firmware has warned of these option bytes, and of nothing else.
+fn warns<'a>(board: &Board, names: impl Iterator<Item = &'a str>) {
+    let (log, names): (_, Vec<&str>) = (board.log(), names.collect());
+    let is_warning = |((level, text), name): (&Line, &&str)| *level == Level::Warning && text.contains(name);
+    assert!(log.len() == names.len() && log.iter().zip(&names).all(is_warning), "{names:?}: {log:?}");
+}
+
 #[test]
 fn option_bytes_that_protect_nothing_are_latched() {
     let watchdog = (Memory::WATCHDOG_BY_SOFTWARE, "WDG_SW");
@@ -77,11 +84,7 @@ fn option_bytes_that_protect_nothing_are_latched() {
         });
         let cause = reset::check_option_bytes(&board.peripherals().FLASH);
         assert_eq!(cause, (!set.is_empty()).then_some(Cause::OptionBytes));
-        let log = board.log();
-        assert_eq!(log.len(), set.len());
-        for ((level, text), (_, name)) in log.iter().zip(&set) {
-            assert!(*level == Level::Warning && text.contains(name), "{text}");
-        }
+        warns(&board, set.iter().map(|(_, name)| *name));
     }
 }
 
@@ -118,8 +121,6 @@ fn option_bytes_of_the_other_chip_are_latched() {
         board.chip(|chip| chip.flash_g4.registers[Flash::OPTR] = options);
         let cause = g4::reset::check_option_bytes(&g4::pac::FLASH);
         assert_eq!(cause, (!names.is_empty()).then_some(Cause::OptionBytes), "{options:#x}");
-        let log = board.log();
-        assert_eq!(log.len(), names.len(), "{log:?}");
-        assert!(log.iter().zip(names).all(|((_, text), name)| text.contains(name)), "{log:?}");
+        warns(&board, names.iter().copied());
     }
 }

@@ -7,7 +7,6 @@ use board_on_host::g4::{self, nucleo_g474re};
 use board_on_host::hal::prelude::*;
 use board_on_host::hal::rcc::{Config, Rcc};
 
-/// The clock source of the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Core {
     Crystal,
