@@ -3,6 +3,8 @@
 //! `cargo test -p dea-driver --test campaign` runs a sample. All of it:
 //! `SPRINGPOT_CAMPAIGN=full cargo test --release -p dea-driver --test campaign -- --nocapture`.
 
+#[path = "../driver/arcing.rs"]
+mod arcing;
 #[path = "../driver/bench.rs"]
 mod bench;
 #[path = "../driver/board.rs"]

@@ -38,7 +38,8 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::{Pcg64, Pcg64Mcg};
 
-use self::arcs::{Arcing, ArcsSeen, Shows};
+use self::arcs::{ArcsSeen, Shows};
+use crate::arcing::Arcing;
 use crate::bench::{self, bench_limits};
 use crate::scale::cases;
 

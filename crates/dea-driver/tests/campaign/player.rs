@@ -19,6 +19,7 @@ struct Asked {
     patience: u32,
 }
 
+#[derive(Default)]
 pub struct Player {
     receiver: Receiver,
     sequence: u32,
@@ -34,17 +35,7 @@ pub struct Player {
 
 impl Player {
     pub fn new() -> Self {
-        Self {
-            receiver: Receiver::new(),
-            sequence: 0,
-            token: 0,
-            asked: None,
-            next: Some(Command::Status),
-            plays: false,
-            states: Vec::new(),
-            records: Vec::new(),
-            damaged: 0,
-        }
+        Self { next: Some(Command::Status), ..Self::default() }
     }
 
     /// Whether it plays, as far as it knows.

@@ -4,9 +4,10 @@ use std::f32::consts::TAU;
 
 use dea_driver::wire::Command;
 use dea_driver::{Cause, DriverState, Inputs, Mode, Monitor};
-use rand::{Rng, RngExt, SeedableRng};
+use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use crate::arcing::Arcing;
 use crate::bench::bench_limits;
 use crate::host::Host;
 use crate::supervisor_bench::{Bench, RATE_HZ};
@@ -14,34 +15,14 @@ use crate::supervisor_bench::{Bench, RATE_HZ};
 /// The band at 4000 V: 60 V and 3 %.
 const BAND_V: f32 = 180.0;
 
-/// A film at 4 kV that is charged within `recharge_ms`, and arcs at random from there on.
-struct Film {
-    dwell_ms: f64,
-    recharge_ms: f64,
-    volts: f64,
-}
-
-impl Film {
-    /// Its voltage a millisecond later, V.
-    fn step(&mut self, random: &mut impl Rng) -> f64 {
-        for _ in 0..100 {
-            self.volts = (self.volts + 40.0 / self.recharge_ms).min(4000.0);
-            if self.volts >= 4000.0 && random.random_bool((0.01 / self.dwell_ms).min(1.0)) {
-                self.volts = 0.0;
-            }
-        }
-        self.volts
-    }
-}
-
 /// Ticks from the first reading outside the band until it trips.
 fn ticks_of_arcing(dwell_ms: f64, recharge_ms: f64, seed: u64) -> u32 {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut bench = Bench::run(&bench_limits());
-    let mut film = Film { dwell_ms, recharge_ms, volts: 4000.0 };
+    let mut film = Arcing { dwell_ms, recharge_ms, film_v: 4000.0, wait_ms: Some(dwell_ms * random.random::<f64>()) };
     let mut shown_at = None;
     for tick in 0..60_000 {
-        let film_v = film.step(&mut random) as f32;
+        let film_v = film.step(4000.0, &mut random) as f32;
         if film_v < 4000.0 - BAND_V {
             shown_at.get_or_insert(tick);
         }

@@ -47,7 +47,7 @@ impl FilmBench {
     }
 
     pub fn around(law: Law<f64>, parameters: Parameters) -> Self {
-        let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
+        let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.min_stiffness()).expect("valid");
         let controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
         let film = law.state();
         Self {

@@ -1,10 +1,10 @@
 //! Limits: commands stay within them, and those that protect nothing or cannot be kept are refused.
 
 use dea_driver::{
-    Blob, Cause, Controller, Device, DriverState, Inputs, Limits, LimitsError, Mode, MonitorLimits, PlausibilityLimits,
+    Blob, Cause, Controller, Device, DriverState, Limits, LimitsError, Mode, MonitorLimits, PlausibilityLimits,
     Supervisor,
 };
-use springpot::{Actuator, AmplifierLag, Curve, Law, LawOptions, Maxwell, Preset, Real, Spring, VoltageDrive};
+use springpot::{AmplifierLag, Curve, Law, LawOptions, Maxwell, Preset, Real, Spring};
 
 use crate::bench::{bench_limits, changed_parameters};
 use crate::film_bench::{FilmBench, rides_through};
@@ -209,30 +209,18 @@ fn stroke_at_the_trip(model: &Maxwell, curve: Option<&Curve>, spring: Option<&Sp
     let parameters = changed_parameters(|p| {
         (p.law, p.limits.max_displacement_m) = (shaped(model, curve, spring).coefficients(), 1e-3);
     });
-    let mut controller = Controller::new(Blob::new(parameters).expect("valid"));
-    let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.min_stiffness()).expect("valid");
-    let (mut film, mut command_v, mut dac_v) = (law.state(), 0.0, 0.0);
+    let mut bench = FilmBench::around(law, parameters);
+    bench.start(Mode::Voltage);
     for tick in 0..60_000_u32 {
-        let noise_v = 2e-3 * (tick % 3) as f32;
-        let inputs = Inputs { interlock_closed: true, monitor_adc_v: Some(dac_v), sensor_adc_v: Some(1.0 + noise_v) };
-        let outputs = controller.tick(inputs);
-        // The film under the voltage applied until this tick, as the controller steps it.
-        let before_m = film.position();
-        law.displacement_under(&mut film, drive.load(command_v));
-        (command_v, dac_v) = (f64::from(outputs.telemetry.command_v), outputs.dac_v);
-        controller.heartbeat();
-        match controller.supervisor().state() {
-            DriverState::Disarmed => {
-                controller.arm().expect("healthy");
-                controller.start(Mode::Voltage).expect("armed");
-                controller.set_voltage(0.0).expect("live");
-            }
-            DriverState::Tripped(Cause::ModelDisplacement) => return before_m,
-            DriverState::Running => controller.set_voltage((tick as f32 / 10.0).min(6000.0)).expect("live"),
+        bench.set_voltage((tick as f32 / 10.0).min(6000.0));
+        bench.tick(|inputs| inputs.sensor_adc_v = Some(1.0 + 2e-3 * (tick % 3) as f32));
+        match bench.state() {
+            DriverState::Running => {}
+            DriverState::Tripped(Cause::ModelDisplacement) => return bench.furthest_m,
             state => panic!("tick {tick}: {state:?}"),
         }
     }
-    panic!("it did not trip; the film is at {} m", film.position())
+    panic!("it did not trip; the film is at {} m", bench.displacement_m)
 }
 
 /// A film that a device drives by voltages, whose parameters and memory may change.

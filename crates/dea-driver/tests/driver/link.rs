@@ -6,9 +6,10 @@ use dea_driver::wire::{
     Part, RECORDS, REFUSALS, Receiver, Reject, Request, Status, Step, Target, Telemetry, TickCodes, Ticked, VERSION,
     encode,
 };
-use dea_driver::{BLOB_LEN, Cause, DriverState, Refusal, SensorFault};
+use dea_driver::{BLOB_LEN, Cause, Device, DriverState, Refusal, SensorFault};
 
 use crate::board::{frame, inspection};
+use crate::film_bench::FilmBench;
 use crate::link_page;
 
 fn receive<T: serde::de::DeserializeOwned>(receiver: &mut Receiver, bytes: &[u8]) -> Vec<Result<T, FrameError>> {
@@ -28,37 +29,24 @@ fn commands() -> Vec<Command> {
     link_page::commands().into_iter().chain(largest).collect()
 }
 
+/// Messages with the largest numbers of those whose length depends on them.
 fn messages() -> Vec<Message> {
     let status = Status {
         state: DriverState::Tripped(Cause::Sensor(SensorFault::Stuck)),
         ticks: u32::MAX,
         tripped_at: u32::MAX,
-        command_v: f32::MAX,
         damaged_frames: u32::MAX,
         unknown_frames: u32::MAX,
-        rate_hz: 5000.0,
         stack_peak: u32::MAX,
         lost_bytes: u32::MAX,
         falls: u16::MAX,
         monitor_v: f32::MAX,
-        live: true,
+        ..Device::new(None).status()
     };
     let step = Step { displacement_m: -f32::MAX, force_n: f32::MAX, voltage_v: f32::MIN_POSITIVE };
     let followed = Followed { voltage_v: 1.0, displacement_m: 2.0, disturbance_n: 3.0 };
-    let record = Telemetry {
-        tick: u32::MAX,
-        dropped: u32::MAX,
-        command_v: 1.0,
-        monitor_v: 2.0,
-        displacement_m: 3.0,
-        predicted_m: 4.0,
-        reference_m: 5.0,
-        disturbance_n: 6.0,
-        force_scale: 7.0,
-        innovation_m: 8.0,
-        learned_m: 0.0,
-        limited: u8::MAX,
-    };
+    let shown = FilmBench::new().tick(|_| ()).telemetry;
+    let record = Telemetry { tick: u32::MAX, dropped: u32::MAX, limited: u8::MAX, ..shown };
     let identity = Identity {
         protocol: VERSION,
         schema: u16::MAX,

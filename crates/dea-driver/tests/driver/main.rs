@@ -4,6 +4,7 @@
 mod own_converters;
 
 mod adaptation;
+mod arcing;
 mod arcs;
 mod bench;
 mod blob_bytes;

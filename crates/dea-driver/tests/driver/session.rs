@@ -10,20 +10,6 @@ use rand_pcg::Pcg64;
 use crate::board::frame;
 use crate::host::{Host, blob};
 
-/// Commands that neither set anything nor end in a new state.
-fn others() -> [Command; 8] {
-    [
-        Command::Query,
-        Command::Reload,
-        Command::Start(Mode::Tracking),
-        Command::Stream { every: 0 },
-        Command::Identify,
-        Command::Status,
-        Command::PanicMessage,
-        Command::InjectFault(InjectedFault::Hang),
-    ]
-}
-
 #[test]
 fn before_there_are_parameters_most_commands_are_rejected() {
     let mut host = Host::new(None);
@@ -154,7 +140,17 @@ fn only_the_host_that_armed_keeps_it_enabled() {
     for command in [Command::SetVoltage(f32::NAN), Command::SetVoltage(1e6), Command::SetReference(f32::NAN)] {
         assert!(!keeps(1, &command, voltage), "{command:?} is rejected");
     }
-    for command in others() {
+    // Neither set anything nor end in a new state.
+    for command in [
+        Command::Query,
+        Command::Reload,
+        Command::Start(Mode::Tracking),
+        Command::Stream { every: 0 },
+        Command::Identify,
+        Command::Status,
+        Command::PanicMessage,
+        Command::InjectFault(InjectedFault::Hang),
+    ] {
         assert!(!keeps(1, &command, voltage), "{command:?}");
     }
 }
