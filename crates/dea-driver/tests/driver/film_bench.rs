@@ -4,18 +4,19 @@ use std::ops::Range;
 
 use dea_driver::chips::{AdcCode, AdcRange, DacCode};
 use dea_driver::{
-    AdaptationOrder, Blob, Cause, Controller, DriverState, Inputs, Mode, OnSensorFault, Outputs, Parameters,
+    AdaptationOrder, Blob, Cause, Controller, ControllerMemory, DriverState, Inputs, Mode, OnSensorFault, Outputs,
+    Parameters,
 };
-use springpot::{Actuator, Law, VoltageDrive};
+use springpot::{Actuator, Compressed, Law, VoltageDrive};
 
 use crate::bench::{board_parameters, changed_parameters, law};
 use crate::circuit::{amplified, converted};
 
 /// A bench around a controller: an amplifier of 1000:1, a sensor of 1 mm/V at 1 V, and the model itself as film, or one
 /// with less force.
-pub struct FilmBench {
-    pub controller: Controller,
-    pub parameters: Parameters,
+pub struct FilmBench<M: ControllerMemory = Compressed<f32>> {
+    pub controller: Controller<M>,
+    pub parameters: Parameters<M>,
     pub film: springpot::LawState<f64>,
     pub law: Law<f64>,
     pub drive: VoltageDrive<f64>,
@@ -41,12 +42,14 @@ impl FilmBench {
     pub fn changed(change: impl FnOnce(&mut Parameters)) -> Self {
         Self::with(changed_parameters(change))
     }
+}
 
-    pub fn with(parameters: Parameters) -> Self {
+impl<M: ControllerMemory> FilmBench<M> {
+    pub fn with(parameters: Parameters<M>) -> Self {
         Self::around(law(), parameters)
     }
 
-    pub fn around(law: Law<f64>, parameters: Parameters) -> Self {
+    pub fn around(law: Law<f64>, parameters: Parameters<M>) -> Self {
         let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.min_stiffness()).expect("valid");
         let controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
         let film = law.state();
@@ -150,7 +153,7 @@ impl FilmBench {
     }
 
     /// A request of a host.
-    pub fn ask<R>(&mut self, request: impl FnOnce(&mut Controller) -> R) -> R {
+    pub fn ask<R>(&mut self, request: impl FnOnce(&mut Controller<M>) -> R) -> R {
         self.controller.heartbeat();
         request(&mut self.controller)
     }

@@ -2,12 +2,12 @@
 
 use dea_driver::chips::Converters;
 use dea_driver::{
-    Blob, BlobError, BlobHeader, Controller, ControllerMemory, DriverState, Inputs, Mode, Parameters, RamFlash, SCHEMA,
-    Store,
+    Blob, BlobError, BlobHeader, Controller, ControllerMemory, DriverState, Mode, Parameters, RamFlash, SCHEMA, Store,
 };
 use springpot::{Compressed, Law, LawOptions, Preset};
 
 use crate::bench::{board_parameters, encoded, of_law};
+use crate::film_bench::FilmBench;
 
 const BOARD: u16 = 0x0405;
 
@@ -25,36 +25,23 @@ fn lean_parameters() -> Parameters<Lean> {
     of_law(&law)
 }
 
-/// Voltages of a feedforward run to 0.5 mm and back: amplifier and monitor follow at once.
-fn run<M: ControllerMemory>(blob: Blob<M>) -> Vec<f32> {
-    let mut controller = Controller::new(blob);
-    let (mut dac_v, mut film_m) = (0.0, 0.0);
-    let mut tick = |controller: &mut Controller<M>, k: u16| {
-        controller.heartbeat();
-        // The model, and the sensor's noise: feedforward only checks it.
-        let sensor_adc_v = Some(1.0 + 1e3 * film_m + 1e-3 * f32::from(k % 3));
-        let outputs = controller.tick(Inputs { interlock_closed: true, monitor_adc_v: Some(dac_v), sensor_adc_v });
-        (dac_v, film_m) = (outputs.dac_v, outputs.telemetry.predicted_m);
-        outputs.telemetry.command_v
+/// Voltages of a feedforward run to 0.5 mm and back.
+fn run<M: ControllerMemory>(parameters: Parameters<M>) -> Vec<f32> {
+    let mut bench = FilmBench::with(parameters);
+    bench.start(Mode::Feedforward);
+    let mut tick = |reference_m| {
+        bench.set_reference(reference_m);
+        bench.tick(|_| ()).telemetry.command_v
     };
-    tick(&mut controller, 0);
-    controller.arm().expect("healthy");
-    controller.start(Mode::Feedforward).expect("armed");
-    let voltages = (0..4000u16)
-        .map(|k| {
-            controller.set_reference(if k < 2000 { 0.5e-3 } else { 0.1e-3 }).expect("within the limits");
-            tick(&mut controller, k)
-        })
-        .collect();
-    assert_eq!(controller.supervisor().state(), DriverState::Running);
+    let voltages = (0..4000).map(|k| tick(if k < 2000 { 0.5e-3 } else { 0.1e-3 })).collect();
+    assert_eq!(bench.state(), DriverState::Running);
     voltages
 }
 
 /// The voltages are those of the default memory within its accuracy.
 #[test]
 fn a_lean_controller_ticks() {
-    let lean = run(Blob::new(lean_parameters()).expect("valid"));
-    let default = run(Blob::new(board_parameters()).expect("valid"));
+    let (lean, default) = (run(lean_parameters()), run(board_parameters()));
     let furthest = lean.iter().zip(&default).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     let largest = default.iter().copied().fold(0.0, f32::max);
     println!("lean and default differ by at most {furthest} V of {largest} V");
