@@ -56,7 +56,7 @@ impl SerialChip for Absent {
 /// Bits that a master sends, the highest first.
 #[derive(Clone, Copy, Debug)]
 pub struct Bits {
-    /// What is sent, in the lowest bits.
+    /// The bits, as the lowest ones.
     pub value: u64,
     /// How many bits.
     pub count: u32,

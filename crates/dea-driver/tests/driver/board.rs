@@ -141,7 +141,7 @@ pub fn sealed(bytes: &[u8]) -> Vec<u8> {
     [bytes, &checksum.to_le_bytes()].concat()
 }
 
-/// What a board finds of its parts whose converters answer.
+/// The state of a board whose converters answer.
 pub fn inspection(interlock_closed: bool, enable_high: bool) -> Inspection {
     let (dac, monitor, sensor) = (Part::Answers, Part::Answers, Part::Answers);
     Inspection { interlock_closed, enable_high, dac, monitor, sensor, monitor_adc_v: 0.0, sensor_adc_v: 1.0 }

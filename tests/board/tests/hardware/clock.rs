@@ -22,15 +22,17 @@ struct Set {
     /// The interrupt of the timer takes a capture.
     take: Box<dyn FnMut()>,
     /// A tick compares the clocks, and adds the faults that it reports: whether something may be enabled.
-    check: Box<dyn FnMut(&RefCell<Vec<String>>) -> bool>,
+    check: Box<dyn FnMut(&Faults) -> bool>,
 }
 
-/// What a family's module has set, whose types are its own.
+type Faults = RefCell<Vec<String>>;
+
+/// The clocks as a family's module has set them, whose types are its own.
 macro_rules! set {
     ($clocks:ident = $start:expr, $core_hz:expr) => {{
         let mut $clocks = $start;
         let (fault, core_hz) = ($clocks.fault.map(|fault| format!("{fault:?}")), $core_hz);
-        let check = move |faults: &RefCell<Vec<String>>| {
+        let check = move |faults: &Faults| {
             let report = |fault| {
                 faults.borrow_mut().push(format!("{fault:?}"));
                 Some(Cause::Clock)
@@ -189,7 +191,7 @@ struct Running<'a> {
     board: &'a Board,
     clocks: Set,
     /// Faults that were reported.
-    faults: RefCell<Vec<String>>,
+    faults: Faults,
 }
 
 impl<'a> Running<'a> {
