@@ -43,10 +43,8 @@ fn a_temperature_is_ordered_and_shown() {
     let ordered = board.json(&order("--at 30C", "warm.toml"));
     // k = 1 − 0.01 · 10, a = exp(E/R (1/T − 1/T₀)).
     let (stiffness, times) = (&ordered["stiffness_at_temperature"], &ordered["times_at_temperature"]);
-    assert!(
-        (number(stiffness) / 0.9 - 1.0).abs() < 1e-3 && (number(times) / 0.508_298 - 1.0).abs() < 1e-3,
-        "{ordered}"
-    );
+    let is_near = |value: &Value, wanted: f64| (number(value) / wanted - 1.0).abs() < 1e-3;
+    assert!(is_near(stiffness, 0.9) && is_near(times, 0.508_298), "{ordered}");
     assert_eq!((&ordered["adapting"], &ordered["ageing"]), (&"hold".into(), &0.0.into()));
     for (at, params, cause) in [
         ("--at 60", "warm.toml", "run its parameters at that temperature"),
@@ -96,8 +94,7 @@ fn a_film_that_has_changed_is_reported() {
     let played = board.json(play);
     let change = number(&played["adaptation"]["stiffness_change"]);
     assert!((change + 0.2).abs() < 0.05, "{played}");
-    let shown = board.bench.run(&board.line("adaptation"));
-    names(&String::from_utf8_lossy(&shown.stdout), &["% softer than its parameters", "its load"]);
+    names(&board.prints("adaptation"), &["% softer than its parameters", "its load"]);
     // What was kept is in use where the board starts again with what it has stored; not after it was kept that nothing was learned.
     board.json("adaptation keep");
     board.json("reload");

@@ -24,6 +24,10 @@ const LIMITS: &str = "[board.limits]\nmax_voltage_v = 5000.0\nmax_field_v_per_m 
     max_displacement_m = 8e-3\nmonitor = { slew_v_per_s = 100e3, band_v = 60.0, band_share = 0.03, settle_s = 0.02 }\n\
     sensor = { low = -0.5e-3, high = 9e-3, jump = 0.5e-3, stuck_ticks = 500 }\non_sensor_fault = \"trip\"\nheartbeat_s = 0.5\n";
 
+fn line(board: &Linked, out: &str, rest: &str) -> String {
+    format!("commission --board b.toml --port {} --out {out} {rest}", board.port)
+}
+
 fn cause(record: &Value) -> &str {
     record["findings"][0]["cause"].as_str().unwrap_or("none")
 }
@@ -33,20 +37,20 @@ fn cause(record: &Value) -> &str {
 fn a_board_is_tested_and_given_parameters_that_are_read_back() {
     let board = Linked::ready(Scene::CALM);
     files(&board);
-    let line = |rest: &str| format!("commission --board b.toml --port {} --out sitting {rest}", board.port);
-    let record = board.bench.says_no(&line("--only self-test --gauge 2mm:2.01mm"));
+    let sitting = |rest: &str| board.bench.says_no(&line(&board, "sitting", rest));
+    let record = sitting("--only self-test --gauge 2mm:2.01mm");
     assert_eq!(cause(&record), "none", "{record}");
     let checks = rows(&record["self_test"]);
     assert!(checks.len() > 10 && checks.iter().all(|check| check["passed"] == true), "{record}");
-    assert_eq!(cause(&board.bench.says_no(&line("--only self-test --gauge 2mm:2.1mm"))), "sensor scale");
+    assert_eq!(cause(&sitting("--only self-test --gauge 2mm:2.1mm")), "sensor scale");
 
     let before = board.json("identify")["checksum"].clone();
     std::fs::copy(board.bench.path("b.toml"), board.bench.path("sitting/film.toml")).expect("copied");
     let uploaded = |record: &Value| format!("{:08x}", record["checksum"].as_u64().expect("read back"));
-    let dry = board.bench.says_no(&line("--only upload --dry-run"));
+    let dry = sitting("--only upload --dry-run");
     assert_ne!(before, uploaded(&dry).as_str());
     assert_eq!(board.json("identify")["checksum"], before);
-    let record = board.bench.says_no(&line("--only upload"));
+    let record = sitting("--only upload");
     assert_eq!(board.json("identify")["checksum"], uploaded(&record).as_str());
 }
 
@@ -55,8 +59,7 @@ fn a_board_is_tested_and_given_parameters_that_are_read_back() {
 fn a_ramp_on_a_board_with_another_clock_names_the_clock() {
     let board = Linked::ready(Scene { tick: Duration::from_micros(250), ..Scene::CALM });
     files(&board);
-    let record =
-        board.bench.says_no(&format!("commission --board b.toml --port {} --out sitting --only ramp", board.port));
+    let record = board.bench.says_no(&line(&board, "sitting", "--only ramp"));
     assert_eq!(cause(&record), "clock", "{record}");
     let (largest, now) = board.voltage();
     assert!((largest - 4500.0).abs() < 10.0 && now == 0.0, "{largest} V, then {now} V");
@@ -71,10 +74,9 @@ fn a_ramp_on_a_board_with_another_clock_names_the_clock() {
 fn a_sitting_that_is_ended_leaves_no_record() {
     let board = Linked::ready(Scene::CALM);
     files(&board);
-    let verb = |out: &str| format!("commission --board b.toml --port {} --out {out} --only ramp", board.port);
     for (out, is_killed) in [("ended", false), ("killed", true)] {
         let mut command = std::process::Command::new(crate::TOOL.0);
-        command.args(verb(out).split(' ')).current_dir(board.bench.path(""));
+        command.args(line(&board, out, "--only ramp").split(' ')).current_dir(board.bench.path(""));
         let mut child = command.stderr(std::process::Stdio::null()).spawn().expect("runs");
         board.wait_for_voltage(|(_, now)| now > 300.0);
         if is_killed {

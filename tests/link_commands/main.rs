@@ -15,7 +15,7 @@ use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::ops::{ControlFlow, Deref};
-use std::process::{Child, Stdio};
+use std::process::{Child, Output, Stdio};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -59,7 +59,6 @@ impl Linked {
         self.json("upload --params preset:table3-n2 --bench");
     }
 
-    /// The arguments of a verb.
     fn line(&self, verb: &str) -> String {
         format!("link --port {} {verb}", self.port)
     }
@@ -75,6 +74,11 @@ impl Linked {
     /// The one line of a verb that fails; what was measured may stay.
     fn fails(&self, verb: &str) -> String {
         failed(self.bench.with(&self.line(verb)))
+    }
+
+    /// How a verb ends: its exit status, output and standard error.
+    fn ends(&self, verb: &str) -> (Option<i32>, String, String) {
+        ended(&self.bench.run(&self.line(verb)))
     }
 
     /// A verb that goes on, with its standard error.
@@ -95,6 +99,12 @@ impl Deref for Linked {
     fn deref(&self) -> &VirtualBoard {
         &self.board
     }
+}
+
+/// Exit status, output and standard error.
+fn ended(output: &Output) -> (Option<i32>, String, String) {
+    let [out, err] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+    (output.status.code(), out, err)
 }
 
 fn ctrl_c(child: &Child) {
@@ -215,12 +225,11 @@ fn a_killed_player_leaves_its_samples() {
     assert!(!out.exists());
     board.wait_for_voltage(|(_, now)| now == 0.0);
     board.json("acknowledge");
-    let output = board.bench.run(&board.line(&format!("{play} --duration 0.3")));
-    let words = ["out.csv", "was killed", "samples are kept", "out.recovered-1.csv"];
-    names(&String::from_utf8_lossy(&output.stderr), &words);
+    let (code, _, errors) = board.ends(&format!("{play} --duration 0.3"));
+    names(&errors, &["out.csv", "was killed", "samples are kept", "out.recovered-1.csv"]);
     let replayed = board.bench.json("replay --params preset:table3-n2 out.recovered-1.csv");
     assert!(number(&replayed["recordings"][0]["samples"]) > 145.0);
-    assert!(output.status.success() && out.exists() && !part.exists());
+    assert!(code == Some(0) && out.exists() && !part.exists());
 }
 
 /// A run that does not begin leaves the file of the one before, and what others have left half written is not touched.

@@ -50,7 +50,6 @@ pub struct Page {
 }
 
 impl Page {
-    /// The permit of its next request.
     fn permit(&mut self, desk: &Desk) -> Permit {
         self.number += 1;
         let token = self.token.as_str().expect("a token").parse().expect("a token");
@@ -434,10 +433,8 @@ fn no_forged_request_is_obeyed() {
     assert_eq!(desk.send(sound(Request::post("/api"), &ask)).0, StatusCode::FORBIDDEN);
     assert_eq!(refused.len(), FORGERIES.len());
     let after = desk.live();
-    assert_eq!(
-        (after.state.as_str(), after.in_control, &after.recording),
-        ("armed", before.in_control, &before.recording)
-    );
+    assert_eq!(after.state, "armed");
+    assert_eq!((after.in_control, &after.recording), (before.in_control, &before.recording));
     assert_eq!(desk.board.voltage(), (0.0, 0.0));
     // The same, sound, is obeyed: the search would find what is.
     desk.done(&mut page, volts(500.0, 60.0));

@@ -15,7 +15,7 @@ use tests::tool::names;
 use tests::virtual_board::{Scene, VirtualBoard};
 
 use crate::page::{PATIENCE, volts};
-use crate::{TOOL, ctrl_c};
+use crate::{TOOL, ctrl_c, ended};
 
 /// The tool as a process, killed with this value.
 struct Running(Child);
@@ -28,7 +28,6 @@ impl Drop for Running {
     }
 }
 
-/// The tool itself, with the arguments of `line`.
 fn tool(line: &str, folder: &Path) -> (Running, Address, String) {
     let mut command = Command::new(TOOL.0);
     command.args(["bench", "--out", "sitting", "-q"]).args(line.split(' ')).current_dir(folder);
@@ -52,7 +51,6 @@ fn tool(line: &str, folder: &Path) -> (Running, Address, String) {
     (child, url.parse().expect("an address"), url)
 }
 
-/// Waits for a state.
 fn seen(address: &Address, is_so: impl Fn(&Live) -> bool) -> Live {
     let mut states = address.states().expect("a page");
     let found = (0..2000).find_map(|_| states.next_state().ok().filter(&is_so));
@@ -104,9 +102,7 @@ fn the_tool_ends_at_0_v_however_it_ends() {
                 address.stop().expect("a page");
                 board.wait_for_disabled();
                 seen(&address, |live| live.state == "disarmed" && live.message.contains("from a terminal"));
-                let monitor =
-                    TOOL.with(&["monitor", "sitting", "--once"]).current_dir(folder.path()).output().expect("runs");
-                names(&String::from_utf8_lossy(&monitor.stdout), &["DISARMED: off", "run-001.csv"]);
+                names(&monitor(folder.path()).1, &["DISARMED: off", "run-001.csv"]);
                 ctrl_c(&child.0);
             }
             "ctrl-c" => ctrl_c(&child.0),
@@ -120,7 +116,8 @@ fn the_tool_ends_at_0_v_however_it_ends() {
         }
     }
     assert!(folder.path().join("sitting/run-002.csv").exists());
-    assert!(address_is_refused(folder.path()));
+    // The address that a killed tool has left leads nowhere.
+    names(&monitor(folder.path()).2, &["does not run any more"]);
 }
 
 /// A simulated film needs no board; the page is for this computer alone.
@@ -138,8 +135,7 @@ fn a_simulated_film_is_driven_from_the_page() {
     assert_eq!(child.0.wait().expect("ends").code(), Some(130));
     for elsewhere in ["0.0.0.0:0", "192.168.1.2:80", "[::]:0", "here"] {
         let line = ["bench", "--plant", "hossain", "--listen", elsewhere];
-        let refused = TOOL.with(&line).current_dir(folder.path()).output().expect("runs");
-        assert_eq!(refused.status.code(), Some(2), "{elsewhere}");
+        TOOL.with(&line).current_dir(folder.path()).assert().code(2);
     }
 }
 
@@ -164,10 +160,9 @@ fn a_sitting_from_the_page_is_stopped() {
     assert_eq!(child.0.wait().expect("ends").code(), Some(130));
 }
 
-/// The address that a killed tool has left leads nowhere.
-fn address_is_refused(folder: &Path) -> bool {
-    let monitor = TOOL.with(&["monitor", "sitting", "--once"]).current_dir(folder).output().expect("runs");
-    String::from_utf8_lossy(&monitor.stderr).contains("does not run any more")
+/// The text that a terminal shows once.
+fn monitor(folder: &Path) -> (Option<i32>, String, String) {
+    ended(&TOOL.with(&["monitor", "sitting", "--once"]).current_dir(folder).output().expect("runs"))
 }
 
 /// A terminal shows state, voltage and message in words, and a connection that is lost above all.

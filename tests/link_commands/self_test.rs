@@ -15,15 +15,15 @@ use crate::{Linked, ctrl_c};
 /// A self-test of a board with parameters: the checks that failed, with what was found, and the highest voltage commanded.
 fn failed(scene: Scene, more: &str) -> (Vec<(String, String)>, f32) {
     let board = Linked::ready(scene);
-    let output = board.bench.run(&board.line(&format!("self-test --json {more}")));
-    let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
+    let (code, report, errors) = board.ends(&format!("self-test --json {more}"));
+    let report: Value = serde_json::from_str(&report).expect("a report");
     let failed: Vec<(String, String)> = rows(&report["checks"])
         .iter()
         .filter(|check| check["passed"] == false)
         .map(|check| (text(&check["what"]), text(&check["found"])))
         .collect();
     assert_eq!(report["passed"] == true, failed.is_empty(), "{report}");
-    assert_eq!(output.status.success(), failed.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(code == Some(0), failed.is_empty(), "{errors}");
     let (highest_v, now_v) = board.voltage();
     assert_eq!(now_v, 0.0, "it ends at 0 V");
     (failed, highest_v)
@@ -94,9 +94,9 @@ fn what_shows_only_while_it_is_enabled_is_found() {
 fn preflight_and_the_flight_recorder() {
     let board = Linked::ready(Scene::CALM);
     let in_the_way = || {
-        let output = board.bench.run(&board.line("preflight"));
-        assert_eq!(output.status.code(), Some(2));
-        String::from_utf8_lossy(&output.stderr).into_owned()
+        let (code, _, errors) = board.ends("preflight");
+        assert_eq!(code, Some(2));
+        errors
     };
     names(&in_the_way(), &["not ready: self-test"]);
     names(&board.prints("flight-recorder"), &["nothing is recorded"]);
@@ -133,25 +133,21 @@ fn a_board_that_asks_for_a_self_test_is_played_to_after_it() {
     let asks = Board { self_test_above_v: 1000.0, ..Board::bench(&parameters.actuator) };
     board.bench.write("p.bin", parameters.to_blob(&asks, 1000.0).expect("valid"));
     board.json("upload --blob p.bin --try");
-    let in_the_way = board.fails("arm");
-    names(&in_the_way, &["no self-test", "self_test_above_v"]);
-    let preflight = board.bench.run(&board.line("preflight --json"));
-    assert!(
-        String::from_utf8_lossy(&preflight.stdout).contains("no self-test of the bench has passed since the start")
-    );
+    names(&board.fails("arm"), &["no self-test", "self_test_above_v"]);
+    let (_, preflight, _) = board.ends("preflight --json");
+    names(&preflight, &["no self-test of the bench has passed since the start"]);
     board.prints("self-test");
     board.prints("arm");
     board.prints("disarm");
-    assert!(board.bench.run(&board.line("preflight")).status.success());
+    board.prints("preflight");
 }
 
 /// The table is for people, the error names what failed, and a voltage that moves a film is refused.
 #[test]
 fn it_ends_in_a_table() {
     let board = Linked::ready(Scene { interlock_closed: false, ..Scene::CALM });
-    let output = board.bench.run(&board.line("self-test"));
-    assert_eq!(output.status.code(), Some(2));
-    let (table, line) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let (code, table, line) = board.ends("self-test");
+    assert_eq!(code, Some(2));
     assert!(table.lines().any(|line| line.starts_with("FAILED  interlock ")), "{table}");
     assert!(table.lines().filter(|line| line.starts_with("ok ")).count() >= 7, "{table}");
     names(&line, &["the self-test failed: interlock"]);
@@ -205,7 +201,7 @@ fn ctrl_c_is_no_pass() {
 #[test]
 fn a_trip_ends_it() {
     let board = Linked::ready(Scene { opens_above_v: Some(30.0), ..Scene::CALM });
-    let output = board.bench.run(&board.line("self-test"));
-    names(&String::from_utf8_lossy(&output.stderr), &["tripped (Interlock)"]);
-    assert_eq!((output.status.code(), board.voltage().1), (Some(2), 0.0));
+    let (code, _, errors) = board.ends("self-test");
+    names(&errors, &["tripped (Interlock)"]);
+    assert_eq!((code, board.voltage().1), (Some(2), 0.0));
 }

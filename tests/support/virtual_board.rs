@@ -15,7 +15,9 @@ use dea_driver::wire::{FRAME_LEN, FlightRecord, Inspection, Message, Part, board
 use dea_driver::{Cause, Device, Drive, Inputs, RamFlash, Store};
 #[cfg(target_os = "linux")]
 use serial2::SerialPort;
-use springpot::{Actuator, Law, LawOptions, LawState, Preset, VoltageDrive};
+use springpot::{Actuator, Law, LawState, VoltageDrive};
+
+use crate::bench::law;
 
 /// Ticks that are late are made up for if it is not by more than this.
 const MAX_DELAY: Duration = Duration::from_millis(50);
@@ -330,8 +332,7 @@ struct Film {
 
 impl Film {
     fn new() -> Self {
-        let model = Preset::TABLE3_N2.model().expect("valid");
-        let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
+        let law: Law<f32> = law();
         let drive = VoltageDrive::new(&Actuator::KARNER_2022, 10e3, law.stiffness()).expect("valid");
         Self { state: law.state(), law, drive, volts: 0.0, sampled: 0.0 }
     }
