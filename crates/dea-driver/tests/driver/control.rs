@@ -8,9 +8,7 @@ use crate::film_bench::{FilmBench as Bench, adc_v, rides_through};
 
 #[test]
 fn follows_the_voltage_that_was_set_and_observes() {
-    let mut bench = Bench::new();
-    bench.start(Mode::Voltage);
-    bench.set_voltage(4000.0);
+    let mut bench = Bench::new().at_voltage(4000.0);
     bench.run(3000);
     let outputs = bench.tick(|_| ());
     assert_eq!(bench.state(), DriverState::Running);
@@ -37,9 +35,7 @@ fn the_dac_is_never_asked_for_less_than_0_v() {
 /// A target does not outlive its run, although no tick passes between the trip and the next start.
 #[test]
 fn a_trip_clears_the_target_before_the_next_tick() {
-    let mut bench = Bench::new();
-    bench.start(Mode::Voltage);
-    bench.set_voltage(2000.0);
+    let mut bench = Bench::new().at_voltage(2000.0);
     bench.controller.trip(Cause::Bus);
     bench.ask(Controller::acknowledge).expect("tripped");
     bench.ask(Controller::arm).expect("the last readings were healthy");
@@ -53,9 +49,7 @@ fn a_trip_clears_the_target_before_the_next_tick() {
 /// Feedforward brings a film that the model knows to its reference, and holds it there while it creeps.
 #[test]
 fn feedforward_holds_a_creeping_film() {
-    let mut bench = Bench::new();
-    bench.start(Mode::Feedforward);
-    bench.set_reference(0.8e-3);
+    let mut bench = Bench::new().at_reference(Mode::Feedforward, 0.8e-3);
     let mut voltages = Vec::new();
     for tick in 0..20_000 {
         let outputs = bench.live_tick(|_| ());
@@ -102,9 +96,7 @@ fn what_was_learned_is_forgotten_when_a_trip_is_acknowledged() {
 /// With a sensor that may fail, tracking goes on without it, and comes back to it, without a jump.
 #[test]
 fn tracking_goes_on_without_its_sensor() {
-    let mut bench = Bench { force_scale: 0.95, ..Bench::changed(rides_through) };
-    bench.start(Mode::Tracking);
-    bench.set_reference(0.8e-3);
+    let mut bench = Bench { force_scale: 0.95, ..Bench::changed(rides_through) }.at_reference(Mode::Tracking, 0.8e-3);
     let mut before = None;
     for tick in 0..20_000 {
         bench.is_unplugged = (10_000..15_000).contains(&tick);
@@ -162,9 +154,8 @@ fn an_implausible_sensor_does_not_limit_the_field() {
     let mut bench = Bench::changed(|p| {
         rides_through(p);
         (p.limits.max_field_v_per_m, p.actuator.stretch_coupling) = (3e7, 29.0);
-    });
-    bench.start(Mode::Voltage);
-    bench.set_voltage(4500.0);
+    })
+    .at_voltage(4500.0);
     bench.run(300);
     let before = bench.tick(|_| ()).telemetry.command_v;
     // 4.8 kV at rest; at the 9 mm that it reads it would be 3.8 kV.
@@ -176,9 +167,7 @@ fn an_implausible_sensor_does_not_limit_the_field() {
 #[test]
 fn the_model_feels_the_last_tick_before_a_trip() {
     let predicted = |trips: bool| {
-        let mut bench = Bench::new();
-        bench.start(Mode::Feedforward);
-        bench.set_reference(0.8e-3);
+        let mut bench = Bench::new().at_reference(Mode::Feedforward, 0.8e-3);
         bench.run(300);
         bench.tick(|inputs| inputs.interlock_closed = !trips).telemetry.predicted_m
     };
@@ -221,9 +210,7 @@ fn references_are_joined_by_lines() {
 /// Following begins where the film is, whatever was asked for before.
 #[test]
 fn following_begins_without_a_jump() {
-    let mut bench = Bench::new();
-    bench.start(Mode::Voltage);
-    bench.set_voltage(4000.0);
+    let mut bench = Bench::new().at_voltage(4000.0);
     bench.run(1000);
     // It was stretched, and is still creeping back when it is asked to go on.
     bench.ask(Controller::stop).expect("running");
@@ -247,9 +234,7 @@ fn faults_end_at_0_v_within_the_tick() {
         (Cause::Voltage, |inputs| inputs.monitor_adc_v = Some(adc_v(u16::MAX))),
     ];
     for (cause, spoil) in faults {
-        let mut bench = Bench::new();
-        bench.start(Mode::Voltage);
-        bench.set_voltage(5000.0);
+        let mut bench = Bench::new().at_voltage(5000.0);
         bench.run(200);
         assert!(bench.high_voltage_v > 4900.0);
         let outputs = bench.tick(spoil);
@@ -263,9 +248,7 @@ fn faults_end_at_0_v_within_the_tick() {
 /// controller, the voltage after a tracking run stayed elsewhere.
 #[test]
 fn a_voltage_after_a_tracking_run_is_the_one_that_was_set() {
-    let mut bench = Bench::new();
-    bench.start(Mode::Tracking);
-    bench.set_reference(0.3e-3);
+    let mut bench = Bench::new().at_reference(Mode::Tracking, 0.3e-3);
     bench.run(300);
     bench.ask(Controller::stop).expect("running");
     bench.tick(|_| ());

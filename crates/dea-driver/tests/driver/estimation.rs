@@ -20,9 +20,7 @@ fn the_sensor_s_offset_is_taken_off() {
 /// The model is corrected as often as the sensor has samples: here every tenth tick.
 #[test]
 fn a_sample_is_used_every_interval() {
-    let mut bench = FilmBench { force_scale: 0.9, ..FilmBench::new() };
-    bench.start(Mode::Tracking);
-    bench.set_reference(0.5e-3);
+    let mut bench = FilmBench { force_scale: 0.9, ..FilmBench::new() }.at_reference(Mode::Tracking, 0.5e-3);
     let mut before = 0.0;
     let mut used = Vec::new();
     for tick in 0..400 {
@@ -39,9 +37,7 @@ fn a_sample_is_used_every_interval() {
 /// Nothing is learned while the sensor is only checked, or the film is not driven: not in feedforward, not while armed.
 #[test]
 fn nothing_is_learned_in_feedforward_or_at_rest() {
-    let mut bench = FilmBench { force_scale: 0.9, ..FilmBench::new() };
-    bench.start(Mode::Feedforward);
-    bench.set_reference(0.6e-3);
+    let mut bench = FilmBench { force_scale: 0.9, ..FilmBench::new() }.at_reference(Mode::Feedforward, 0.6e-3);
     for _ in 0..3000 {
         let telemetry = bench.live_tick(|_| ()).telemetry;
         assert_eq!((telemetry.disturbance_n, telemetry.force_scale), (0.0, 1.0));
@@ -59,9 +55,7 @@ fn nothing_is_learned_in_feedforward_or_at_rest() {
 /// Feedforward uses the model as it was fitted, whatever was learned before.
 #[test]
 fn feedforward_forgets_what_tracking_learned() {
-    let mut bench = FilmBench { force_scale: 0.9, ..FilmBench::new() };
-    bench.start(Mode::Tracking);
-    bench.set_reference(0.6e-3);
+    let mut bench = FilmBench { force_scale: 0.9, ..FilmBench::new() }.at_reference(Mode::Tracking, 0.6e-3);
     let learned = (0..10_000).fold(0.0, |_, _| bench.live_tick(|_| ()).telemetry.disturbance_n);
     assert!(learned.abs() > 1e-3, "{learned} N");
     bench.ask(Controller::stop).expect("running");
@@ -73,9 +67,7 @@ fn feedforward_forgets_what_tracking_learned() {
 /// An estimate is made of a film that was left stretched by a trip, and goes on after it is acknowledged.
 #[test]
 fn the_estimate_goes_on_after_an_acknowledged_trip() {
-    let mut bench = FilmBench::new();
-    bench.start(Mode::Voltage);
-    bench.set_voltage(5000.0);
+    let mut bench = FilmBench::new().at_voltage(5000.0);
     bench.run(5000);
     bench.tick(|inputs| inputs.interlock_closed = false);
     bench.run(20);

@@ -187,6 +187,20 @@ impl<M: ControllerMemory> FilmBench<M> {
         self.start_armed(mode);
     }
 
+    /// The same in a run of this voltage, V.
+    pub fn at_voltage(mut self, volts: f32) -> Self {
+        self.start(Mode::Voltage);
+        self.set_voltage(volts);
+        self
+    }
+
+    /// The same in a run of this reference, m.
+    pub fn at_reference(mut self, mode: Mode, metres: f32) -> Self {
+        self.start(mode);
+        self.set_reference(metres);
+        self
+    }
+
     pub fn start_armed(&mut self, mode: Mode) {
         self.ask(|controller| controller.start(mode)).expect("armed");
     }

@@ -108,9 +108,7 @@ fn a_run_begins_at_0_v_without_a_tick_before_it() {
 #[test]
 fn a_voltage_is_reached_in_time_and_exactly() {
     for (wait, most) in [(7, 7), (33, 33), (50, 50), (400, 50)] {
-        let mut bench = FilmBench::new();
-        bench.start(Mode::Voltage);
-        bench.set_voltage(100.0);
+        let mut bench = FilmBench::new().at_voltage(100.0);
         bench.run(wait);
         bench.set_voltage(133.3);
         let volts: Vec<f32> = (0..200).map(|_| bench.tick(|_| ()).telemetry.command_v).collect();
@@ -133,9 +131,7 @@ fn a_voltage_is_reached_in_time_and_exactly() {
 /// A reference that is set in a run of voltages neither leads the film nor its record.
 #[test]
 fn a_reference_does_not_act_on_a_run_of_voltages() {
-    let mut bench = FilmBench::new();
-    bench.start(Mode::Voltage);
-    bench.set_reference(0.8e-3);
+    let mut bench = FilmBench::new().at_reference(Mode::Voltage, 0.8e-3);
     for _ in 0..300 {
         let telemetry = bench.tick(|_| ()).telemetry;
         assert_eq!((telemetry.command_v, telemetry.limited), (0.0, 0));
