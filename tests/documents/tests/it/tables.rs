@@ -190,6 +190,31 @@ fn cited(page: &str) -> (Vec<&str>, Vec<&str>) {
     (page.split('`').skip(1).step_by(2).filter(|code| code.contains("::")).collect(), in_comments)
 }
 
+/// A comment that begins a line ends the paragraph before it, and the rest of its line is shown as it is written.
+#[test]
+fn comments_do_not_break_paragraphs() {
+    let breaks = |[before, line, next]: [&str; 3]| {
+        let comment = line.trim_start();
+        let rest = comment.rsplit_once("-->").map_or("", |(_, rest)| rest.trim());
+        comment.starts_with("<!-- test") && (!rest.is_empty() || !before.trim().is_empty() && is_prose(next))
+    };
+    let mut wrong = Vec::new();
+    for path in pages().expect("readable") {
+        let text = fs::read_to_string(&path).expect("readable");
+        let lines: Vec<&str> = text.lines().chain([""]).collect();
+        let broken = lines.array_windows().enumerate().filter(|(_, lines)| breaks(**lines));
+        wrong.extend(broken.map(|(index, _)| format!("{}:{}", path.display(), index + 2)));
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}: write the comment at the end of the line before");
+}
+
+/// Whether a line of a page goes on with the one before.
+fn is_prose(line: &str) -> bool {
+    let line = line.trim_start();
+    let is_numbered = line.split_once(". ").is_some_and(|(number, _)| number.bytes().all(|byte| byte.is_ascii_digit()));
+    !line.is_empty() && !is_numbered && !["|", "#", "```", "- ", "* ", "<"].iter().any(|begin| line.starts_with(begin))
+}
+
 /// Tests that pages cite as `module::name` exist in that module, and commands with their answers as `cases::name`. So do the functions and the
 /// modules of the sources. Names of tests are
 /// sentences, which only the safety page shows to its reader.

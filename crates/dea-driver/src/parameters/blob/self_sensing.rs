@@ -14,7 +14,7 @@ mod with_current {
     /// Blocks within which a fault is found, and the time that they and a tick may take, s.
     const FINDS_BLOCKS: f64 = 3.0;
     const MAX_FAULT_S: f64 = 0.1;
-    /// What is as much may have been rounded.
+    /// Relative rounding of numbers that are as large as they may be.
     const ROUNDED: f64 = 1e-4;
     /// Amplitudes of the tone in the range of the voltage: one at each end, and as much for the drive.
     const AMPLITUDES: f32 = 4.0;
