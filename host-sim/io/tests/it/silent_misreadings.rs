@@ -132,7 +132,7 @@ fn a_status_of_a_few_rows_and_a_change_of_the_gain_are_noted() {
     let log = text("time_s,voltage_v,displacement_m,force_scale", |k| {
         format!("{},{},{}e-6,{}", 0.1 * k as f64, 13 * k, k, 1.0 - 1e-3 * k as f64)
     });
-    assert_eq!(folder.read(log, "").expect("read").notes(), Vec::<String>::new());
+    assert_eq!(read(log, "").expect("read").notes(), Vec::<String>::new());
 }
 
 /// Files of the same kinds in which nothing is doubtful.
