@@ -167,6 +167,34 @@ fn a_film_of_the_laws_own_kind_is_followed_without_a_sensor() {
     }
 }
 
+/// Changes beyond what the estimates may be: one at its bound does not make the others run away.
+#[test]
+fn a_film_beyond_the_bounds_is_followed_as_well_as_before() {
+    let mut random = Pcg64::seed_from_u64(20);
+    let mut worse = Vec::new();
+    for case in 0..24 {
+        let kind = [Kind::TwoCurves, Kind::Straight][case % 2];
+        let mut beyond = |by: f64| if random.random_bool(0.5) { by } else { 1.0 / by };
+        let far = |change: &mut f64, by| *change = by;
+        let mut change = Change { stiffness: beyond(1.25), ..NONE };
+        match case / 2 % 4 {
+            0 => far(&mut change.alpha, beyond(1.6)),
+            1 => far(&mut change.times, beyond(8.0)),
+            // Without a spring beside it, it is all of the stiffness.
+            2 if kind == Kind::TwoCurves => far(&mut change.memory, beyond(3.0)),
+            _ => (change.alpha, change.times) = (beyond(1.5), beyond(6.0)),
+        }
+        let (learned, state) = run(kind, change, 150, |k| k < 60_000, |_, x| x, |_, _| {});
+        let as_fitted = |_: usize, state: &mut TrackingState<f32>| state.set_adapting(Adapting::Off);
+        let (fitted, _) = run(kind, change, 150, |k| k < 60_000, |_, x| x, as_fitted);
+        println!("{kind:?} {change:?}: {learned:.2} %, as fitted {fitted:.2} %, {:?}", state.adapted());
+        if learned > 1.02 * fitted + 1.0 {
+            worse.push(format!("{kind:?} {change:?}: {learned:.2} %, as fitted {fitted:.2} %"));
+        }
+    }
+    assert!(worse.is_empty(), "{worse:#?}");
+}
+
 /// The parameters themselves, where a minute distinguishes them.
 #[test]
 fn what_differs_is_named() {
