@@ -378,21 +378,21 @@ impl<T: Real> Adaptation<T> {
         let doubt = one + innovation * innovation / (T::from_f64(PLAUSIBLE) * total);
         let step = innovation / (total * doubt);
         *misfit = *misfit + averaging * (innovation * step - *misfit);
-        let estimated = estimates.iter_mut().zip(gains).zip(expected);
-        estimated.for_each(|((estimate, gain), expected)| *estimate = *estimate + gain * step * expected);
         let bounds = self.sized(BOUNDS);
-        for (index, (bound, one_expected)) in bounds.into_iter().zip(expected).enumerate() {
-            let covariance = column(diagonal, upper, index);
-            let [estimate, variance] = [&*estimates, &covariance].map(|of| of.get(index).copied().unwrap_or(T::ZERO));
-            // The others are what they most likely are with this one at its bound: each at its own bound alone would run away.
-            let excess = estimate - clamp(estimate, -bound, bound);
-            let share = if variance > T::ZERO { excess / (one_expected * variance) } else { T::ZERO };
-            for ((estimate, covariance), expected) in estimates.iter_mut().zip(covariance).zip(expected) {
-                *estimate = *estimate - share * covariance * expected;
-            }
+        let moves: [T; PARAMETERS] = core::array::from_fn(|index| {
+            let [gain, expected] = [&gains, &expected].map(|of| of.get(index).copied().unwrap_or(T::ZERO));
+            gain * step * expected
+        });
+        // Only as far as all of them stay within their bounds: held there one by one, the others would run away.
+        let mut part = one;
+        for ((&estimate, &by), &bound) in estimates.iter().zip(&moves).zip(&bounds) {
+            let room = if by > T::ZERO { bound - estimate } else { bound + estimate };
+            let most = if by.abs() > room { room / by.abs() } else { one };
+            // One that was restored may be beyond its bound by its rounding.
+            part = clamp(most, T::ZERO, part);
         }
-        for (estimate, bound) in estimates.iter_mut().zip(bounds) {
-            *estimate = clamp(*estimate, -bound, bound);
+        for ((estimate, by), bound) in estimates.iter_mut().zip(moves).zip(bounds) {
+            *estimate = clamp(*estimate + part * by, -bound, bound);
         }
         for (variance, rate) in diagonal.iter_mut().zip(FORGETTING) {
             let grown = *variance + self.forgetting * T::from_f64(rate) * *variance;
@@ -400,25 +400,4 @@ impl<T: Real> Adaptation<T> {
         }
         state.judge();
     }
-}
-
-/// A column of the covariance U D Uᵀ.
-fn column<T: Real>(diagonal: &[T; PARAMETERS], upper: &[T; ABOVE], index: usize) -> [T; PARAMETERS] {
-    let mut covariance = [T::ZERO; PARAMETERS];
-    let mut columns = &upper[..];
-    for (k, &variance) in diagonal.iter().enumerate() {
-        let Some((above, others)) = columns.split_at_checked(k) else {
-            break;
-        };
-        columns = others;
-        let own = if k == index { T::from_f64(1.0) } else { T::ZERO };
-        let spread = variance * above.get(index).copied().unwrap_or(own);
-        for (sum, &entry) in covariance.iter_mut().zip(above) {
-            *sum = *sum + entry * spread;
-        }
-        if let Some(sum) = covariance.get_mut(k) {
-            *sum = *sum + spread;
-        }
-    }
-    covariance
 }

@@ -179,10 +179,10 @@ fn a_film_beyond_the_bounds_is_followed_as_well_as_before() {
         let mut change = Change { stiffness: beyond(1.25), ..NONE };
         match case / 2 % 4 {
             0 => far(&mut change.alpha, beyond(1.6)),
-            1 => far(&mut change.times, beyond(8.0)),
+            1 => far(&mut change.times, beyond(4.0)),
             // Without a spring beside it, it is all of the stiffness.
-            2 if kind == Kind::TwoCurves => far(&mut change.memory, beyond(3.0)),
-            _ => (change.alpha, change.times) = (beyond(1.5), beyond(6.0)),
+            2 if kind == Kind::TwoCurves => far(&mut change.memory, beyond(2.5)),
+            _ => (change.alpha, change.times) = (beyond(1.4), beyond(3.5)),
         }
         let (learned, state) = run(kind, change, 150, |k| k < 60_000, |_, x| x, |_, _| {});
         let as_fitted = |_: usize, state: &mut TrackingState<f32>| state.set_adapting(Adapting::Off);

@@ -18,6 +18,7 @@ use springpot::{Applied, ObserverOptions, SensorSample};
 
 use crate::changed_films::{ALL, Changing, RATE_HZ};
 use crate::plants::Change;
+use crate::recorded::observer;
 use crate::sweep::full_sweep;
 
 const CASES: u64 = 200;
@@ -142,7 +143,7 @@ impl Case {
     fn errors_pct(&self, parameters: &Parameters, kind: ControllerKind, adaptation_s: f64) -> [f64; 2] {
         let [low_m, high_m] = self.film.stroke_m();
         let grid = Grid::covering(LOST_S.1, RATE_HZ).expect("a grid");
-        let observer = ObserverOptions { adaptation_s, ..ObserverOptions::at_bandwidth(0.6) };
+        let observer = ObserverOptions { adaptation_s, ..observer(parameters) };
         let settings = ControllerSettings {
             rate_hz: RATE_HZ,
             limits: self.film.limits(),
@@ -218,5 +219,5 @@ fn a_sensor_that_lies_teaches_a_law() {
         "{} runs: {worse} worse than the law as it was fitted, {better} better; {than_tracking} worse than tracking",
         results.len()
     );
-    assert!(worse <= if full_sweep() { 95 } else { 5 }, "{worse} of {} are worse", results.len());
+    assert!(worse <= if full_sweep() { 65 } else { 5 }, "{worse} of {} are worse", results.len());
 }

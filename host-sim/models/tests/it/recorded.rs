@@ -129,6 +129,11 @@ pub(crate) fn risen_sine_m(t: f64, rise_s: f64, low_m: f64, high_m: f64, hz: f64
     low_m * minimum_jerk(t / rise_s) + 0.5 * (high_m - low_m) * swing
 }
 
+/// The bench's observer at 1 kHz, slower where the law of `parameters` rings.
+pub(crate) fn observer(parameters: &Parameters) -> ObserverOptions {
+    ObserverOptions::at_bandwidth(0.6).below_resonance(&parameters.film().compressed_law::<f32>(1000.0).expect("a law"))
+}
+
 /// A controller at 1 kHz in single precision, with the bench's observer.
 pub(crate) fn controller(
     kind: ControllerKind,
@@ -137,7 +142,7 @@ pub(crate) fn controller(
     learning: Option<LearningOptions>,
     peak_m: f64,
 ) -> Box<dyn Controller> {
-    let observer = ObserverOptions::at_bandwidth(0.6);
+    let observer = observer(parameters);
     let settings = ControllerSettings { rate_hz: 1000.0, limits, observer, learning, peak_m };
     controllers::build(kind, parameters, &settings, Precision::F32).expect("valid")
 }
