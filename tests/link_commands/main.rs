@@ -196,17 +196,6 @@ fn play_follows_a_recording_and_ends_at_0_v() {
     assert!(board.bench.read("out.csv").starts_with(header));
 }
 
-/// A recording as it is measured: its voltage is noise about 0 V at first. What is beyond the limits is refused before anything is enabled.
-#[test]
-fn play_takes_recordings_as_they_are() {
-    let board = Linked::ready(Scene::CALM);
-    names(&board.fails("play high.csv --out out.csv"), &["high.csv", "6500", "limits"]);
-    assert_eq!(board.voltage(), (0.0, 0.0));
-    board.bench.recordings("hossain");
-    board.json("play hossain-5s.csv --out out.csv --duration 1");
-    assert!(board.voltage().0 > 500.0);
-}
-
 /// A player that is killed leaves what it has seen, but for the last second; the next one says where it is. The board ends at 0 V.
 #[test]
 fn a_killed_player_leaves_its_samples() {

@@ -1,4 +1,4 @@
-//! `springpot link play` on a board that is slow, and on one that is left with Ctrl-C.
+//! `springpot link play` of recordings as they are, on a board that is slow, and on one that is left with Ctrl-C.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStderr};
@@ -10,6 +10,17 @@ use tests::virtual_board::Scene;
 use crate::{Linked, ctrl_c};
 
 const SLOW: Scene = Scene { tick: Duration::from_millis(5), ..Scene::CALM };
+
+/// A recording as it is measured: its voltage is noise about 0 V at first. What is beyond the limits is refused before anything is enabled.
+#[test]
+fn play_takes_recordings_as_they_are() {
+    let board = Linked::ready(Scene::CALM);
+    names(&board.fails("play high.csv --out out.csv"), &["high.csv", "6500", "limits"]);
+    assert_eq!(board.voltage(), (0.0, 0.0));
+    board.bench.recordings("hossain");
+    board.json("play hossain-5s.csv --out out.csv --duration 1");
+    assert!(board.voltage().0 > 500.0);
+}
 
 /// A board whose clock is five times as slow plays what a recording says in its own time: the log lasts as long as the recording, and
 /// the peak is where it is there.
