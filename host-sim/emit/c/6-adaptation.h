@@ -322,6 +322,7 @@ static inline void springpot_learn(
     float open = unexplained;
     float innovation;
     float total = 1.0F;
+    float part = 1.0F;
     float step;
     uint32_t i;
     uint32_t j;
@@ -365,11 +366,20 @@ static inline void springpot_learn(
     /* What is less plausible counts less. */
     step = innovation / (total * (1.0F + ((innovation * innovation) / (adaptation->plausible * total))));
     state->misfit = state->misfit + (adaptation->averaging * ((innovation * step) - state->misfit));
+    /* Only as far as all of them stay within their bounds: held there one by one, the others would run away. */
+    for (i = 0U; i < SPRINGPOT_PARAMETERS; i++) {
+        const float by = (gains[i] * step) * parameters[i].expected;
+        const float bound = parameters[i].bound;
+        const float room = (by > 0.0F) ? (bound - state->estimates[i]) : (bound + state->estimates[i]);
+        const float most = (springpot_size(by) > room) ? (room / springpot_size(by)) : 1.0F;
+        part = springpot_clamp(most, 0.0F, part);
+        gains[i] = by;
+    }
     for (i = 0U; i < SPRINGPOT_PARAMETERS; i++) {
         const springpot_parameter *parameter = &parameters[i];
         const float variance = state->diagonal[i] + (parameter->forgetting * state->diagonal[i]);
-        state->estimates[i] = springpot_clamp(
-            state->estimates[i] + ((gains[i] * step) * parameter->expected), -parameter->bound, parameter->bound);
+        state->estimates[i]
+            = springpot_clamp(state->estimates[i] + (part * gains[i]), -parameter->bound, parameter->bound);
         state->diagonal[i] = (variance > 1.0F) ? 1.0F : variance;
     }
     /* It counts until something is learned again, although nothing is known of what changes meanwhile. */

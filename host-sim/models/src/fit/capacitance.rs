@@ -300,10 +300,8 @@ impl Prospect {
 pub fn identify(recording: &ToneRecording, cable_f: f64) -> Result<(CapacitanceFile, Report)> {
     let ToneRecording { step_s, voltage_v, current_a, displacement_m } = recording;
     let refused = Error::Computation;
-    if let Some(slow) = slow(*step_s) {
-        return Err(refused(slow));
-    }
-    let periods = SelfSensingOptions::BENCH.periods.min(SelfSensor::max_periods(*step_s));
+    let most = SelfSensor::max_periods(*step_s).max(SelfSensingOptions::MIN_PERIODS);
+    let periods = SelfSensingOptions::BENCH.periods.min(most);
     let ticks = 4 * usize::from(periods);
     let [voltage, current] = [voltage_v, current_a].map(|values| Tones::new(values, ticks));
     let tone_v = voltage.amplitude;
@@ -312,6 +310,9 @@ pub fn identify(recording: &ToneRecording, cable_f: f64) -> Result<(CapacitanceF
             "the voltage has no tone of four rows a period ({tone_v:.2} V, of which noise is {:.2} V): record every tick, with the tone on",
             voltage.phasor_noise()
         )));
+    }
+    if let Some(slow) = slow(*step_s) {
+        return Err(refused(slow));
     }
     let capacitance_f = current.amplitude / tone_v * step_s / 2f64.sqrt();
     let options = SelfSensingOptions {
