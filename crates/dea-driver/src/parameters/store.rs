@@ -67,9 +67,9 @@ pub struct Stored<M: ControllerMemory = Compressed<f32>> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum StoreError {
-    /// The flash does not have two erasable parts that hold a slot, or writes in words of more than eight bytes.
+    /// The flash does not have two erasable parts that hold a slot, or has words that do not divide eight bytes.
     #[error(
-        "the flash has no two erasable parts that hold a slot of {SLOT} bytes each, or writes words of more than 8 bytes"
+        "the flash has no two parts that can be erased and hold {SLOT} bytes each, or has words that do not divide 8 bytes"
     )]
     Geometry,
     /// The flash failed.

@@ -28,7 +28,7 @@ pub enum FrameError {
     #[error("the frame has version {0} of the protocol, not {VERSION}: use a program of the same version")]
     Version(u8),
     /// A message that this version does not know.
-    #[error("the frame has a message that version {VERSION} does not know")]
+    #[error("the frame has a message that version {VERSION} does not know: use a program of the same version")]
     Unknown,
 }
 

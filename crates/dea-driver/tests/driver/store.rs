@@ -1,6 +1,7 @@
 //! Parameters survive whatever happens to them: damage is refused, the newest set runs or its loss is reported. The campaign cuts the power.
 
-use dea_driver::chips::{Calibration, MAX_POINTS};
+use dea_driver::chips::{AdcError, AmplifierError, Calibration, MAX_POINTS};
+use dea_driver::wire::FrameError;
 use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters, RamFlash, Store, StoreError};
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use springpot::{Actuator, Knot, VoltageDrive};
@@ -306,4 +307,26 @@ fn flash_of_any_fitting_geometry_is_taken() {
     assert!(!takes::<1, 4, 1023>() && !takes::<1, 4, 1016>());
     assert!(!takes::<16, 4, 1024>() && !takes::<1, 16, 1024>() && !takes::<1, 256, 1024>());
     assert!(!takes::<3, 4, 1024>() && !takes::<1, 3, 1024>() && !takes::<0, 4, 1024>() && !takes::<1, 0, 1024>());
+}
+
+/// A program returns the errors of store, converters and frames with `?`, and shows what is wrong.
+#[test]
+fn errors_are_returned_and_shown() {
+    fn returned(error: impl std::error::Error + 'static) -> String {
+        let fails = || -> Result<(), Box<dyn std::error::Error>> { Err(error)? };
+        fails().expect_err("it fails").to_string()
+    }
+    let [wanted, found] = [0x0fff, 0x00a0];
+    for (text, words) in [
+        (returned(StoreError::Empty(None)), "no parameters are stored"),
+        (returned(StoreError::Empty(Some(BlobError::Checksum))), "that can be read: the blob is damaged"),
+        (returned(StoreError::Refused(BlobError::Magic)), "not stored: not a parameter blob"),
+        (returned(StoreError::Geometry), "hold 1024 bytes each"),
+        (returned(StoreError::Flash(NorFlashErrorKind::OutOfBounds)), "the flash failed: "),
+        (returned(AmplifierError::Readback { wanted, found }), "holds 0x00a0 instead of 0x0fff"),
+        (returned(AdcError::Range { wanted, found }), "returns 0x00a0 instead of 0x0fff"),
+        (returned(FrameError::Version(3)), "has version 3 of the protocol"),
+    ] {
+        assert!(text.contains(words), "{text}");
+    }
 }

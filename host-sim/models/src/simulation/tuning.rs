@@ -106,7 +106,7 @@ impl ControllerTuning {
         let is_multiple = cycles >= 1.0 && (asked_s / found_s / cycles - 1.0).abs() < 0.02;
         (!is_multiple || cycles > harmonics as f64).then(|| {
             format!(
-                "the reference repeats every {} s, of which {harmonics} harmonics of {asked_s} s learn nothing: leave the period out",
+                "the reference repeats every {} s, a period that harmonics 1 to {harmonics} of {asked_s} s do not contain: leave the period out",
                 rounded(found_s)
             )
         })

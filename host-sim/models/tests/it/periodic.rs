@@ -126,7 +126,8 @@ fn cycles_that_are_not_those_of_the_reference_are_named() {
     }
     for (harmonics, period_s) in [(3, 100.0), (6, 7.0), (1, 5.2), (1, 10.0), (6, 2.5)] {
         let note = note(sine, harmonics, Some(period_s)).unwrap_or_default();
-        let words = format!("repeats every 5 s, of which {harmonics} harmonics of {period_s} s");
+        let words =
+            format!("repeats every 5 s, a period that harmonics 1 to {harmonics} of {period_s} s do not contain");
         assert!(note.contains(&words), "{harmonics} harmonics of {period_s} s: {note}");
     }
     for period_s in [None, Some(5.0)] {
