@@ -1,4 +1,4 @@
-//! Figures: panels of lines with their axes. [`drawing`](super::drawing) makes SVG and PNG of them, [`chart`](super::chart) plots of a page.
+//! Figures: panels of lines with their axes. [`drawing`](super::drawing) makes SVG and PNG of them, `chart` plots of a page.
 
 /// Colours that colour-blind people can distinguish (Okabe and Ito).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! Reports: pages, tables and figures.
 //!
-//! A [`figure`] is drawn by [`drawing`] (SVG, PNG) or by the script of a [`page`] (HTML).
+//! A [`figure`] is drawn by [`drawing`] (SVG, PNG) or by the script of a page (HTML).
 
 pub(crate) mod axis;
 pub(crate) mod chart;
