@@ -125,11 +125,12 @@ typedef struct {
 
 /* How a film may differ from its law: force scale, memory, rate, stretch, then the bias in N. */
 typedef struct {
-    float expected;   /* standard deviation before a sensor has shown anything */
+    float expected;      /* standard deviation before a sensor has shown anything */
     float bound;
-    float restored;   /* bound of what was learned before */
-    float forgetting; /* growth of its variance in a round, over it */
-    float aged;       /* 1 over the change at which the film has aged by 1; 0: none does */
+    float restored;      /* bound of what was learned before */
+    float forgetting;    /* growth of its variance in a round, over it */
+    float relinearising; /* the same for a change of rate or stretch */
+    float aged;          /* 1 over the change at which the film has aged by 1; 0: none does */
 } springpot_parameter;
 
 /* How a film that changes is followed. */

@@ -319,6 +319,7 @@ static inline void springpot_learn(
     float *column = state->upper;
     float regressors[SPRINGPOT_PARAMETERS];
     float gains[SPRINGPOT_PARAMETERS];
+    const float moved = springpot_size(state->steps[0]) + springpot_size(state->steps[1]);
     float open = unexplained;
     float innovation;
     float total = 1.0F;
@@ -377,7 +378,8 @@ static inline void springpot_learn(
     }
     for (i = 0U; i < SPRINGPOT_PARAMETERS; i++) {
         const springpot_parameter *parameter = &parameters[i];
-        const float variance = state->diagonal[i] + (parameter->forgetting * state->diagonal[i]);
+        const float growth = parameter->forgetting + (parameter->relinearising * moved);
+        const float variance = state->diagonal[i] + (growth * state->diagonal[i]);
         state->estimates[i]
             = springpot_clamp(state->estimates[i] + (part * gains[i]), -parameter->bound, parameter->bound);
         state->diagonal[i] = (variance > 1.0F) ? 1.0F : variance;

@@ -37,8 +37,11 @@ const EXPECTED: [f64; PARAMETERS] = [0.3, 0.3, 0.7, 0.15, 0.005];
 const WANDERING: f64 = 0.005;
 const WANDERED: f64 = (WANDERING / EXPECTED[SCALE]) * (WANDERING / EXPECTED[SCALE]);
 const FORGETTING: [f64; PARAMETERS] = [0.0, 0.25, 0.25, 0.25, 0.5];
+/// Growth of a variance, over it, for a change of rate or stretch that comes into use. Forces are no linear functions of them: what was learned with
+/// other values counts less.
+const RELINEARISING: [f64; PARAMETERS] = [0.0, 2.5, 2.5, 2.5, 0.0];
 /// Force that the parameters leave unexplained in 0.1 s, rms, in largest forces.
-const UNEXPLAINED: f64 = 0.01;
+const UNEXPLAINED: f64 = 0.015;
 /// Squares of what is expected above which a difference counts less.
 const PLAUSIBLE: f64 = 9.0;
 /// Distance of the load from its slow mean from which it distinguishes the parameters, in largest forces.
@@ -325,7 +328,7 @@ impl<T: Real> Adaptation<T> {
     /// Learns from an `unexplained` force (N): recursive least squares in Bierman's form, whose covariance stays positive in single precision.
     #[inline(never)]
     fn learn<P>(&self, state: &mut AdaptationState<T, P>, unexplained: T) {
-        let AdaptationState { estimates, used, forces, diagonal, upper, misfit, .. } = state;
+        let AdaptationState { estimates, used, steps, forces, diagonal, upper, misfit, .. } = state;
         let averaging = T::from_f64(BLEND_S / AVERAGING_S) * self.blend;
         if !state.is_excited {
             // A load that stays distinguishes nothing.
@@ -394,8 +397,10 @@ impl<T: Real> Adaptation<T> {
         for ((estimate, by), bound) in estimates.iter_mut().zip(moves).zip(bounds) {
             *estimate = clamp(*estimate + part * by, -bound, bound);
         }
-        for (variance, rate) in diagonal.iter_mut().zip(FORGETTING) {
-            let grown = *variance + self.forgetting * T::from_f64(rate) * *variance;
+        let moved = steps[0].abs() + steps[1].abs();
+        for ((variance, rate), relinearising) in diagonal.iter_mut().zip(FORGETTING).zip(RELINEARISING) {
+            let growth = self.forgetting * T::from_f64(rate) + T::from_f64(relinearising) * moved;
+            let grown = *variance + growth * *variance;
             *variance = if grown > one { one } else { grown };
         }
         state.judge();

@@ -160,9 +160,7 @@ fn a_film_of_the_laws_own_kind_is_followed_without_a_sensor() {
         ] {
             let (error, adapted) = without_after_a_minute(kind, change);
             println!("{kind:?} {change:?}: {error:.3} %, {adapted:?}");
-            // Two relaxation times show less in a minute than a springpot.
-            let most_pct = if kind == Kind::TwoCurves { 0.5 } else { 1.0 };
-            assert!(error < most_pct, "{kind:?} {change:?}: {error} %, {adapted:?}");
+            assert!(error < 0.5, "{kind:?} {change:?}: {error} %, {adapted:?}");
         }
     }
 }
@@ -188,7 +186,7 @@ fn a_film_beyond_the_bounds_is_followed_as_well_as_before() {
         let as_fitted = |_: usize, state: &mut TrackingState<f32>| state.set_adapting(Adapting::Off);
         let (fitted, _) = run(kind, change, 150, |k| k < 60_000, |_, x| x, as_fitted);
         println!("{kind:?} {change:?}: {learned:.2} %, as fitted {fitted:.2} %, {:?}", state.adapted());
-        if learned > 1.02 * fitted + 1.0 {
+        if learned > 1.02 * fitted + 0.3 {
             worse.push(format!("{kind:?} {change:?}: {learned:.2} %, as fitted {fitted:.2} %"));
         }
     }

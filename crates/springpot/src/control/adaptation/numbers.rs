@@ -3,7 +3,7 @@
 use super::power_series::{EXPONENTIAL, LOGARITHM};
 use super::{
     AGED, AVERAGING_S, Adaptation, BIAS, BLEND_S, BY_CHANCE, EXCITED, EXPECTED, FORGETTING, FORGOTTEN, MIN_CHANGE,
-    PLAUSIBLE, WANDERED,
+    PLAUSIBLE, RELINEARISING, WANDERED,
 };
 use crate::control::adapted::{BOUNDS, ROUNDED};
 use crate::numbers::{Numbers, Record};
@@ -56,6 +56,7 @@ impl<T: Real> Adaptation<T> {
                 ("bound", ""),
                 ("restored", "bound of what was learned before"),
                 ("forgetting", "growth of its variance in a round, over it"),
+                ("relinearising", "the same for a change of rate or stretch"),
                 ("aged", "1 over the change at which the film has aged by 1; 0: none does"),
             ],
         };
@@ -68,8 +69,11 @@ impl<T: Real> Adaptation<T> {
             .zip(self.sized(BOUNDS))
             .zip(restored.map(T::from_f64))
             .zip(FORGETTING.map(|rate| self.forgetting * T::from_f64(rate)))
+            .zip(RELINEARISING.map(T::from_f64))
             .zip([scale, memory, rate, stretch, T::ZERO])
-            .map(|((((expected, bound), restored), forgetting), aged)| [expected, bound, restored, forgetting, aged]);
+            .map(|(((((expected, bound), restored), forgetting), relinearising), aged)| {
+                [expected, bound, restored, forgetting, relinearising, aged]
+            });
         take.records("parameters", &parameter, rows, "");
     }
 }
