@@ -148,6 +148,7 @@ typedef struct {
     float precision;                                      /* 1/N */
     float excited;                                        /* N: smallest swing of the load that distinguishes parameters */
     float plausible;
+    float described;                                      /* share of a bound beyond which no values describe a film */
     float wandering;                                      /* growth of the variance of the force scale in a round */
     float by_chance;                                      /* standard deviations by which an estimate differs from its law */
     float min_change;                                     /* of the stiffness that is reported */

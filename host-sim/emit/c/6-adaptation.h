@@ -319,7 +319,7 @@ static inline void springpot_learn(
     float *column = state->upper;
     float regressors[SPRINGPOT_PARAMETERS];
     float gains[SPRINGPOT_PARAMETERS];
-    const float moved = springpot_size(state->steps[0]) + springpot_size(state->steps[1]);
+    float moved = springpot_size(state->steps[0]) + springpot_size(state->steps[1]);
     float open = unexplained;
     float innovation;
     float total = 1.0F;
@@ -374,6 +374,7 @@ static inline void springpot_learn(
         const float room = (by > 0.0F) ? (bound - state->estimates[i]) : (bound + state->estimates[i]);
         const float most = (springpot_size(by) > room) ? (room / springpot_size(by)) : 1.0F;
         part = springpot_clamp(most, 0.0F, part);
+        moved = (springpot_size(state->estimates[i]) > (adaptation->described * bound)) ? 0.0F : moved;
         gains[i] = by;
     }
     for (i = 0U; i < SPRINGPOT_PARAMETERS; i++) {

@@ -38,8 +38,9 @@ const WANDERING: f64 = 0.005;
 const WANDERED: f64 = (WANDERING / EXPECTED[SCALE]) * (WANDERING / EXPECTED[SCALE]);
 const FORGETTING: [f64; PARAMETERS] = [0.0, 0.25, 0.25, 0.25, 0.5];
 /// Growth of a variance, over it, for a change of rate or stretch that comes into use. Forces are no linear functions of them: what was learned with
-/// other values counts less.
+/// other values counts less. It does not where an estimate is beyond this share of its bound: no values describe such a film.
 const RELINEARISING: [f64; PARAMETERS] = [0.0, 2.5, 2.5, 2.5, 0.0];
+const DESCRIBED: f64 = 0.9;
 /// Force that the parameters leave unexplained in 0.1 s, rms, in largest forces.
 const UNEXPLAINED: f64 = 0.015;
 /// Squares of what is expected above which a difference counts less.
@@ -387,17 +388,17 @@ impl<T: Real> Adaptation<T> {
             gain * step * expected
         });
         // Only as far as all of them stay within their bounds: held there one by one, the others would run away.
-        let mut part = one;
+        let (mut part, mut moved) = (one, steps[0].abs() + steps[1].abs());
         for ((&estimate, &by), &bound) in estimates.iter().zip(&moves).zip(&bounds) {
             let room = if by > T::ZERO { bound - estimate } else { bound + estimate };
             let most = if by.abs() > room { room / by.abs() } else { one };
             // One that was restored may be beyond its bound by its rounding.
             part = clamp(most, T::ZERO, part);
+            moved = if estimate.abs() > T::from_f64(DESCRIBED) * bound { T::ZERO } else { moved };
         }
         for ((estimate, by), bound) in estimates.iter_mut().zip(moves).zip(bounds) {
             *estimate = clamp(*estimate + part * by, -bound, bound);
         }
-        let moved = steps[0].abs() + steps[1].abs();
         for ((variance, rate), relinearising) in diagonal.iter_mut().zip(FORGETTING).zip(RELINEARISING) {
             let growth = self.forgetting * T::from_f64(rate) + T::from_f64(relinearising) * moved;
             let grown = *variance + growth * *variance;

@@ -2,8 +2,8 @@
 
 use super::power_series::{EXPONENTIAL, LOGARITHM};
 use super::{
-    AGED, AVERAGING_S, Adaptation, BIAS, BLEND_S, BY_CHANCE, EXCITED, EXPECTED, FORGETTING, FORGOTTEN, MIN_CHANGE,
-    PLAUSIBLE, RELINEARISING, WANDERED,
+    AGED, AVERAGING_S, Adaptation, BIAS, BLEND_S, BY_CHANCE, DESCRIBED, EXCITED, EXPECTED, FORGETTING, FORGOTTEN,
+    MIN_CHANGE, PLAUSIBLE, RELINEARISING, WANDERED,
 };
 use crate::control::adapted::{BOUNDS, ROUNDED};
 use crate::numbers::{Numbers, Record};
@@ -35,6 +35,7 @@ impl<T: Real> Adaptation<T> {
                 "N: smallest swing of the load that distinguishes parameters",
             ),
             ("plausible", T::from_f64(PLAUSIBLE), ""),
+            ("described", T::from_f64(DESCRIBED), "share of a bound beyond which no values describe a film"),
             (
                 "wandering",
                 T::from_f64(WANDERED) * self.forgetting,
