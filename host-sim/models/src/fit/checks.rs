@@ -16,12 +16,24 @@ use super::residuals::{Loss, Whiteness};
 use super::selection::{StructureRow, has_one_amplitude};
 use super::settings::Settings;
 use super::uncertainty::Uncertainty;
+use crate::files::parameters::plausibility;
 use crate::files::recording::Input;
 use crate::statistics::{median, peak, percentile_range, robust_deviation};
 
-/// Sizes that are not the film's own: only a voltage needs them.
-pub fn of_sizes(settings: &Settings, excitation: Excitation, warnings: &mut Vec<Warning>) {
-    if settings.assumed_sizes && excitation.voltage_driven {
+/// Sizes that are not the film's own, or that the fitted film contradicts: only a voltage needs them.
+pub fn of_sizes(settings: &Settings, fitted: &Actuator, excitation: Excitation, warnings: &mut Vec<Warning>) {
+    if !excitation.voltage_driven {
+        return;
+    }
+    let stated = plausibility::doubts(&settings.actuator, settings.assumed_sizes);
+    let found =
+        plausibility::doubts(fitted, settings.assumed_sizes).into_iter().filter(|doubt| !stated.contains(doubt));
+    warnings.extend(found.map(|doubt| {
+        Serious.warning(format!(
+            "{doubt}, as fitted: forces and resonance are wrong; check the sizes and mass_kg of `actuator`, or hold relative_permittivity"
+        ))
+    }));
+    if settings.assumed_sizes {
         let Actuator { length_m, width_m, thickness_m, .. } = settings.actuator;
         warnings.push(Serious.warning(format!(
             "the film's sizes are assumed ({:.0} mm × {:.0} mm × {:.0} µm, the paper's): displacements hold well below the resonance, \

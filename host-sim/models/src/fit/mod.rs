@@ -275,7 +275,7 @@ impl Fit {
         let expected_pct = expected_pct(context, &found.candidate, &refits, &recorded);
 
         let mut warnings = faults.warnings(&left);
-        checks::of_sizes(settings, context.excitation, &mut warnings);
+        checks::of_sizes(settings, &candidate.actuator, context.excitation, &mut warnings);
         checks::of_excitation(context.excitation, &mut warnings);
         if settings.sensor_delay_s.is_none() && candidate.delay_s != 0.0 {
             checks::of_delay(&candidate, uncertainty.as_ref(), &mut warnings);
