@@ -205,6 +205,45 @@ fn a_film_that_has_changed_is_followed_without_its_sensor() {
     assert!(missed.is_empty(), "{missed:#?}");
 }
 
+/// The law of `springpot demo`, which has no curve: no values of what is estimated describe hossain with another stiffness.
+const WITHOUT_CURVE: &str = r#"schema = 1
+name = "without a curve"
+[actuator]
+relative_permittivity = 4.7
+length_m = 0.04
+width_m = 0.06
+thickness_m = 0.00016
+mass_kg = 0.316
+preload = "settled"
+stretch_coupling = 31.044203699595784
+[model]
+topology = "parallel"
+main = { c = 27691.84280792028, alpha = 0.023346077935007103 }
+branches = [
+  [{ c = 11225.294420387987, alpha = 0.09337769258712451 }, { c = 9263.936064845486, alpha = 1.0 }],
+  [{ c = 4824.362072261779, alpha = 0.0 }, { c = 48899.327138452805, alpha = 1.0 }],
+]
+"#;
+
+/// Estimates at their bounds do not lead such a law away.
+#[test]
+fn a_law_that_no_values_make_right_is_not_led_away() {
+    let parameters = two_curves::parsed(WITHOUT_CURVE).expect("valid");
+    let stiffness = [0.7, 0.74, 0.76, 0.78, 0.8, 0.82, 0.84, 0.86];
+    let errors: Vec<[f64; 2]> = stiffness
+        .par_iter()
+        .map(|&stiffness| {
+            let error_pct =
+                |kind| Changing::Hossain.error_pct(kind, &parameters, (Change { stiffness, ..Change::NONE }, 1.0));
+            [ControllerKind::Tracking, ControllerKind::Adaptive].map(error_pct)
+        })
+        .collect();
+    for (stiffness, [tracking, adaptive]) in stiffness.into_iter().zip(errors) {
+        println!("stiffness {stiffness}: tracking {tracking:.2} %, adaptive {adaptive:.2} %");
+        assert!(adaptive < 2.0 * tracking, "stiffness {stiffness}: {adaptive} % for {tracking} %");
+    }
+}
+
 /// The change of stiffness that is reported in ten minutes: none of a film as it was recorded, whatever its law leaves unexplained. What else has changed shows as
 /// stiffness, too.
 #[test]
