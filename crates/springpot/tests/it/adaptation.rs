@@ -284,6 +284,29 @@ fn a_law_as_fitted_has_its_stiffness() {
     }
 }
 
+/// The bounds are those that [`Adapting`] states, on both sides.
+#[test]
+fn bounds_are_those_that_are_stated() {
+    let sound: Adapted<f64> =
+        Adapted { force_scale: 1.0, memory: 0.0, rate: 0.0, stretch: 0.0, bias_n: 0.0, uncertainty: 0.0, ageing: 0.0 };
+    for side in [-1.0, 1.0] {
+        let at = |share: f64| {
+            let logarithm = |factor: f64| share * side * factor.ln();
+            let force_scale = logarithm(4.0).exp();
+            let (memory, rate, stretch) = (logarithm(2.0), logarithm(3.0), share * side * 0.25);
+            [
+                Adapted { force_scale, ..sound },
+                Adapted { memory, ..sound },
+                Adapted { rate, ..sound },
+                Adapted { stretch, ..sound },
+                Adapted { bias_n: share * side * 2.5, ..sound },
+            ]
+        };
+        assert!(at(0.99).iter().all(|inside| inside.check(2.5).is_ok()), "{side}");
+        assert!(at(1.02).iter().all(|beyond| beyond.check(2.5).is_err()), "{side}");
+    }
+}
+
 /// A new state that is given what was learned follows the film without any sensor as well as the state that learned it; what is no such number
 /// changes nothing.
 #[test]
