@@ -32,6 +32,8 @@ pub(crate) enum Changing {
     /// Films that their laws describe exactly.
     Springpot,
     TwoCurves,
+    /// Hossain with the law of `springpot demo`, which has no curve: no values of what is estimated describe another stiffness.
+    Straight,
 }
 
 pub(crate) const ALL: [Changing; 6] = [
@@ -60,6 +62,7 @@ impl Changing {
             Self::MuchCreep => Kind::MuchCreep.parameters(),
             Self::Springpot => settled(measured_curve::film()),
             Self::TwoCurves => settled(two_curves::parsed(two_curves::FILE).expect("valid")),
+            Self::Straight => two_curves::parsed(STRAIGHT).expect("valid"),
         }
     }
 
@@ -67,6 +70,7 @@ impl Changing {
     pub(crate) fn stroke_m(self) -> [f64; 2] {
         match self {
             Self::Hossain => [2e-3, 4e-3],
+            Self::Straight => [1.5e-3, 4e-3],
             Self::Wang => [0.6e-3, 1.4e-3],
             Self::LittleCreep | Self::MuchCreep => [1e-3, 2.6e-3],
             Self::Springpot => [6e-3, 10e-3],
@@ -77,7 +81,7 @@ impl Changing {
     /// Limits that leave room for a stiffer film.
     pub(crate) fn limits(self) -> CommandLimits {
         let max_voltage_v = match self {
-            Self::Hossain | Self::Wang => 8000.0,
+            Self::Hossain | Self::Wang | Self::Straight => 8000.0,
             Self::TwoCurves => 6500.0,
             Self::LittleCreep | Self::MuchCreep | Self::Springpot => 4500.0,
         };
@@ -97,7 +101,7 @@ impl Changing {
             Box::new(NonlinearPlant::at_rest(Box::leak(Box::new(film)), substep_s))
         };
         match self {
-            Self::Hossain => strip(film::Plant::Hossain),
+            Self::Hossain | Self::Straight => strip(film::Plant::Hossain),
             Self::Wang => strip(film::Plant::Wang),
             Self::LittleCreep => stiffening(LITTLE_CREEP),
             Self::MuchCreep => stiffening(MUCH_CREEP),
@@ -181,7 +185,7 @@ fn a_film_that_has_changed_is_followed_without_its_sensor() {
         }
         let most_pct = match film {
             Changing::Springpot | Changing::TwoCurves => 0.5,
-            Changing::Hossain | Changing::Wang | Changing::LittleCreep => 1.5,
+            Changing::Hossain | Changing::Straight | Changing::Wang | Changing::LittleCreep => 1.5,
             // What is missed, with a margin: relaxation times that are twice as long.
             Changing::MuchCreep => 5.5,
         };
@@ -205,9 +209,8 @@ fn a_film_that_has_changed_is_followed_without_its_sensor() {
     assert!(missed.is_empty(), "{missed:#?}");
 }
 
-/// The law of `springpot demo`, which has no curve: no values of what is estimated describe hossain with another stiffness.
-const WITHOUT_CURVE: &str = r#"schema = 1
-name = "without a curve"
+const STRAIGHT: &str = r#"schema = 1
+name = "straight"
 [actuator]
 relative_permittivity = 4.7
 length_m = 0.04
@@ -225,23 +228,16 @@ branches = [
 ]
 "#;
 
-/// Estimates at their bounds do not lead such a law away.
+/// Estimates at their bounds do not lead a law away that no values make right.
 #[test]
 fn a_law_that_no_values_make_right_is_not_led_away() {
-    let parameters = two_curves::parsed(WITHOUT_CURVE).expect("valid");
-    let stiffness = [0.7, 0.74, 0.76, 0.78, 0.8, 0.82, 0.84, 0.86];
-    let errors: Vec<[f64; 2]> = stiffness
-        .par_iter()
-        .map(|&stiffness| {
-            let error_pct =
-                |kind| Changing::Hossain.error_pct(kind, &parameters, (Change { stiffness, ..Change::NONE }, 1.0));
-            [ControllerKind::Tracking, ControllerKind::Adaptive].map(error_pct)
-        })
-        .collect();
-    for (stiffness, [tracking, adaptive]) in stiffness.into_iter().zip(errors) {
+    let (film, parameters) = (Changing::Straight, Changing::Straight.parameters());
+    [0.7, 0.74, 0.76, 0.78, 0.8, 0.82, 0.84, 0.86].into_par_iter().for_each(|stiffness| {
+        let error_pct = |kind| film.error_pct(kind, &parameters, (Change { stiffness, ..Change::NONE }, 1.0));
+        let [tracking, adaptive] = [ControllerKind::Tracking, ControllerKind::Adaptive].map(error_pct);
         println!("stiffness {stiffness}: tracking {tracking:.2} %, adaptive {adaptive:.2} %");
-        assert!(adaptive < 2.0 * tracking, "stiffness {stiffness}: {adaptive} % for {tracking} %");
-    }
+        assert!(adaptive < 1.65 * tracking, "stiffness {stiffness}: {adaptive} % for {tracking} %");
+    });
 }
 
 /// The change of stiffness that is reported in ten minutes: none of a film as it was recorded, whatever its law leaves unexplained. What else has changed shows as
