@@ -30,7 +30,7 @@ pub fn of_sizes(settings: &Settings, fitted: &Actuator, excitation: Excitation, 
         plausibility::doubts(fitted, settings.assumed_sizes).into_iter().filter(|doubt| !stated.contains(doubt));
     warnings.extend(found.map(|doubt| {
         Serious.warning(format!(
-            "{doubt}, as fitted: forces and resonance are wrong; check the sizes and mass_kg of `actuator`, and `hold` relative_permittivity"
+            "{doubt}, as fitted: forces and resonance are wrong; check the sizes and mass_kg of `actuator`, or hold the value (`hold`)"
         ))
     }));
     if settings.assumed_sizes {
