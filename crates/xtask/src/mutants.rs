@@ -318,6 +318,9 @@ pub fn run(sample: Option<usize>, only: Option<&str>) -> Result<()> {
     let mut mutants = all()?;
     mutants.retain(|mutant| only.is_none_or(|part| mutant.file.contains(part)));
     let count = mutants.len();
+    if let (0, Some(part)) = (count, only) {
+        return Err(format!("no file that is mutated has {part:?} in its path"));
+    }
     // At random, and the same ones every time; a larger sample includes a smaller one.
     mutants.sort_by_key(Mutant::identity);
     mutants.truncate(sample.unwrap_or(count));
