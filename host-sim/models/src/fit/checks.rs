@@ -4,6 +4,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 
 use host_io::choice::Choice;
+use host_io::terminal::rounded;
 use num_complex::Complex;
 use serde::Serialize;
 use springpot::{Actuator, Maxwell, Springpot, TemperatureDependence, Topology};
@@ -20,19 +21,27 @@ use crate::files::parameters::plausibility;
 use crate::files::recording::Input;
 use crate::statistics::{median, peak, percentile_range, robust_deviation};
 
-/// Sizes that are not the film's own, or that the fitted film contradicts: only a voltage needs them.
+/// Sizes that are not the film's own, and a scale of the force that is not that of the sizes: only a voltage needs them.
 pub fn of_sizes(settings: &Settings, fitted: &Actuator, excitation: Excitation, warnings: &mut Vec<Warning>) {
     if !excitation.voltage_driven {
         return;
     }
-    let stated = plausibility::doubts(&settings.actuator, settings.assumed_sizes);
-    let found =
-        plausibility::doubts(fitted, settings.assumed_sizes).into_iter().filter(|doubt| !stated.contains(doubt));
-    warnings.extend(found.map(|doubt| {
-        Serious.warning(format!(
-            "{doubt}, as fitted: forces and resonance are wrong; check the sizes and mass_kg of `actuator`, or hold the value (`hold`)"
-        ))
-    }));
+    let stated = settings.actuator.relative_permittivity;
+    let scale = fitted.relative_permittivity;
+    if scale != stated && !plausibility::is_permittivity(scale) && plausibility::is_permittivity(stated) {
+        warnings.push(Note.warning(format!(
+            "relative_permittivity = {} instead of {stated} is the scale of the force in which mass_kg has the inertia that was recorded: \
+             c and forces are in it, voltages and displacements do not depend on it; correct mass_kg or the sizes if they are wrong",
+            rounded(scale)
+        )));
+    }
+    let stated = plausibility::doubts(&settings.actuator, true);
+    let found = plausibility::doubts(fitted, true).into_iter().filter(|doubt| !stated.contains(doubt));
+    warnings.extend(
+        found.map(|doubt| {
+            Serious.warning(format!("{doubt}, as fitted: state the right sizes and mass_kg, and hold them"))
+        }),
+    );
     if settings.assumed_sizes {
         let Actuator { length_m, width_m, thickness_m, .. } = settings.actuator;
         warnings.push(Serious.warning(format!(

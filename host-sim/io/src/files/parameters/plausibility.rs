@@ -207,8 +207,13 @@ pub(in crate::files) fn check_self_sensing(
     Ok(())
 }
 
-/// Doubts about sizes of `actuator` that some film may have, most severe first. Where they are `assumed`, the permittivity only scales the force.
-pub fn doubts(actuator: &Actuator, assumed: bool) -> Vec<String> {
+/// Whether films have this relative permittivity.
+pub fn is_permittivity(value: f64) -> bool {
+    (1.0..=2000.0).contains(&value)
+}
+
+/// Doubts about sizes of `actuator` that some film may have, most severe first; with `scales` the permittivity only scales the force.
+pub fn doubts(actuator: &Actuator, scales: bool) -> Vec<String> {
     let Actuator { relative_permittivity, length_m, width_m, thickness_m, mass_kg, .. } = *actuator;
     let mut doubts = Vec::new();
     let ((longer, long_m), (shorter, short_m)) = if length_m > width_m {
@@ -241,7 +246,7 @@ pub fn doubts(actuator: &Actuator, assumed: bool) -> Vec<String> {
             short(1e-3 * mass_kg)
         ));
     }
-    if !assumed && !(1.0..=MAX_PERMITTIVITY).contains(&relative_permittivity) {
+    if !scales && !is_permittivity(relative_permittivity) {
         doubts.push(format!("relative_permittivity = {relative_permittivity}: films have 1.5 to 1000"));
     }
     doubts
@@ -259,7 +264,6 @@ const MAX_VOLUME_M3: f64 = 2.5e-4;
 const DENSITY: f64 = 1e3;
 /// Largest stress of a weight without doubt, Pa: twice that of the stiffest films that are stretched by one.
 const MAX_STRESS_PA: f64 = 2e6;
-const MAX_PERMITTIVITY: f64 = 2000.0;
 /// Largest displacement over the film's length without doubt: prestretched films move by more than their active length.
 const MAX_STROKES: f64 = 20.0;
 
@@ -276,7 +280,9 @@ impl Parameters {
         });
         let mut doubts: Vec<String> = faults.into_iter().flatten().flatten().collect();
         doubts.extend(check(&self.actuator).err().map(|(_, cause)| cause));
-        doubts.extend(self::doubts(&self.actuator, self.assumed_sizes));
+        // With two curves it is the scale of the force in which the mass has the recorded inertia.
+        let scales = self.assumed_sizes || self.curve.is_some() && self.spring.is_some();
+        doubts.extend(self::doubts(&self.actuator, scales));
         if !self.assumed_sizes && self.curve.is_none() && doubts.is_empty() {
             // As far as the field limit of films lets the voltage go.
             let volts = max_voltage_v.min(1e8 * self.actuator.thickness_m);
