@@ -130,7 +130,7 @@ impl PyLink {
         self.order(py, Command::Stop)
     }
 
-    /// Back to 0 V, amplifier disabled. The film is at 0 V once `status` says so.
+    /// Back to 0 V, amplifier disabled. The film is at 0 V once `status` says so, and can be armed again after `discharge_s` at 0 V.
     fn disarm(&self, py: Python<'_>) -> PyResult<()> {
         self.order(py, Command::Disarm)
     }

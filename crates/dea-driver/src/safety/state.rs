@@ -106,7 +106,7 @@ pub enum Refusal {
     /// The interlock is open.
     #[error("the interlock is open")]
     InterlockOpen,
-    /// There is voltage on the film while it should be at 0 V, or there has been since it was discharged.
+    /// There is voltage on the film while it should be at 0 V, or was less than the time of a discharge ago.
     #[error("there is voltage on the film or was just before, or the monitor does not answer")]
     LiveVoltage,
     /// The displacement sensor is implausible.

@@ -94,8 +94,6 @@ pub struct Supervisor {
     discharge_ticks: u32,
     /// [`LIVE`] for every tick with the amplifier disabled and voltage at the monitor, less one for every tick at 0 V.
     live_ticks: u32,
-    /// Whether the monitor has shown 0 V since the amplifier was disabled: voltage after that is no discharge.
-    discharged: bool,
     /// Ticks at 0 V that are still missing before it can be armed, or a live film acknowledged.
     missing_at_0_v: u32,
     command_v: f32,
@@ -157,7 +155,6 @@ impl Supervisor {
             ticks_since_heartbeat: 0,
             discharge_ticks: (limits.discharge_s * rate_hz + 0.5) as u32,
             live_ticks: 0,
-            discharged: true,
             missing_at_0_v: 0,
             command_v: 0.0,
             armed_for_v: limits.max_voltage_v,
@@ -210,7 +207,7 @@ impl Supervisor {
         // As long a share of its time, which may have another number of ticks.
         let live_ticks =
             u64::from(before.live_ticks) * u64::from(self.discharge_ticks) / u64::from(before.discharge_ticks.max(1));
-        (self.live_ticks, self.discharged) = (u32::try_from(live_ticks).unwrap_or(u32::MAX), before.discharged);
+        self.live_ticks = u32::try_from(live_ticks).unwrap_or(u32::MAX);
     }
 
     /// The constants, for a check of the memory.
@@ -344,13 +341,10 @@ impl Supervisor {
             if self.live_ticks <= max_live_ticks {
                 self.live_ticks = self.live_ticks.saturating_add(LIVE);
             }
-            if self.discharged {
-                self.missing_at_0_v = self.discharge_ticks;
-            }
+            self.missing_at_0_v = self.discharge_ticks;
         } else if self.is_at_0_v() {
             self.live_ticks = self.live_ticks.saturating_sub(1);
             self.missing_at_0_v = self.missing_at_0_v.saturating_sub(1);
-            self.discharged = true;
         }
         // Unknown otherwise: a monitor that does not answer proves nothing.
         if self.live_ticks > max_live_ticks && self.state != DriverState::Tripped(Cause::LiveFilm) {

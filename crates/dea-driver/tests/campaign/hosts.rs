@@ -234,7 +234,7 @@ impl Hash for Hosts {
             while_live(self.silent_ticks),
         ]
         .hash(hasher);
-        [value("discharged: "), value("last_fault: "), value(" command_v: "), value(" monitor_v: ")].hash(hasher);
+        [value("last_fault: "), value(" command_v: "), value(" monitor_v: ")].hash(hasher);
         (self.interlock_closed, self.is_set, self.bench.drive.dac_v.to_bits()).hash(hasher);
         // Whose token is in force, and who has ever had one.
         (self.owner, self.tokens.map(|token| token != 0)).hash(hasher);

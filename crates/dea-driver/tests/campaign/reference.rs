@@ -35,8 +35,7 @@ pub struct Reference {
     pub sensor_faults: Vec<SensorFault>,
     /// Time with the amplifier disabled and voltage at the monitor, in ticks, less a quarter of that at 0 V.
     live_ticks: f64,
-    /// Whether it has been at 0 V since it was disabled, and for how many ticks in a row after it was live all the same.
-    discharged: bool,
+    /// For how many ticks it has been at 0 V since it was live, if it was.
     quiet_ticks: Option<i64>,
     monitor: MonitorReference,
     sensor: SensorReference,
@@ -87,7 +86,6 @@ impl Reference {
             readings: None,
             sensor_faults: Vec::new(),
             live_ticks: 0.0,
-            discharged: true,
             quiet_ticks: None,
             monitor: MonitorReference::default(),
             sensor: SensorReference::default(),
@@ -99,7 +97,6 @@ impl Reference {
         let is_missing = before.quiet_ticks.is_some_and(|ticks| ticks < before.discharge_ticks);
         Self {
             live_ticks: before.live_ticks,
-            discharged: before.discharged,
             quiet_ticks: is_missing.then_some(0),
             ..Self::new(&before.limits, rate_hz)
         }
@@ -130,7 +127,7 @@ impl Reference {
             return Err(Refusal::Sensor(fault));
         }
         self.state = DriverState::Armed;
-        (self.live_ticks, self.discharged, self.quiet_ticks) = (0.0, false, None);
+        (self.live_ticks, self.quiet_ticks) = (0.0, None);
         self.silent_ticks = 0;
         self.monitor = MonitorReference::default();
         Ok(())
@@ -216,13 +213,10 @@ impl Reference {
                 if self.live_ticks <= allowed {
                     self.live_ticks += 1.0;
                 }
-                if self.discharged || self.state == DriverState::Tripped(Cause::LiveFilm) {
-                    self.quiet_ticks = Some(0);
-                }
+                self.quiet_ticks = Some(0);
             } else if self.at_0_v() {
                 self.live_ticks = (self.live_ticks - 0.25).max(0.0);
                 self.quiet_ticks = self.quiet_ticks.map(|ticks| ticks + 1);
-                self.discharged = true;
             }
             if self.live_ticks > allowed {
                 possible = vec![DriverState::Tripped(Cause::LiveFilm)];

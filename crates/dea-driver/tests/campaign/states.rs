@@ -159,9 +159,8 @@ struct Witness {
     live_ticks: u32,
     /// Ticks at 0 V since the film was live last.
     quiet_ticks: u32,
-    /// Whether it has been at 0 V since it was disabled, and whether it has been live after that.
-    discharged: bool,
-    live_again: bool,
+    /// Whether it has been live since it was disabled.
+    live_off: bool,
 }
 
 /// A state: the supervisor, what is known apart from it, and what the step to it broke.
@@ -237,10 +236,10 @@ impl Search {
                 let is_plausible = !self.trips() || (SENSOR.low..=SENSOR.high).contains(&witness.shown_m);
                 first_broken(&[
                     (witness.interlock_closed && witness.at_0_v && is_plausible, Promise::Safe),
-                    (quiet || !witness.live_again, Promise::Discharged),
+                    (quiet || !witness.live_off, Promise::Discharged),
                 ])?;
                 (witness.armed, witness.silent_ticks) = (true, 0);
-                (witness.discharged, witness.live_again) = (false, false);
+                witness.live_off = false;
                 DriverState::Armed
             }
             (Request::Start, DriverState::Armed) => DriverState::Running,
@@ -293,8 +292,7 @@ impl Search {
         witness.silent_ticks = (witness.silent_ticks + 1).min(HEARTBEAT_TICKS + 1);
         witness.shown_ticks = if stays { (witness.shown_ticks + 1).min(STUCK_TICKS + 1) } else { 1 };
         witness.interlock_closed = readings.interlock_closed;
-        witness.live_again |= live && !after.is_live() && witness.discharged;
-        witness.discharged |= !after.is_live() && monitor_v.abs() <= BAND_V;
+        witness.live_off |= live && !after.is_live();
         witness.at_0_v = monitor_v.abs() <= BAND_V;
         witness.shown_m = displacement_m;
         witness.armed &= after.is_live();
@@ -336,12 +334,12 @@ impl Hash for Node {
     fn hash<H: Hasher>(&self, key: &mut H) {
         let text = format!("{:?}", self.supervisor);
         let Witness { armed, shown_m, shown_ticks, interlock_closed, at_0_v, .. } = self.witness;
-        let Witness { silent_ticks, live_ticks, quiet_ticks, discharged, live_again, commands_v, .. } = self.witness;
+        let Witness { silent_ticks, live_ticks, quiet_ticks, live_off, commands_v, .. } = self.witness;
         let live = self.supervisor.state().is_live();
         // How long a host has been silent counts from `arm` on.
         let silent_ticks = if live { silent_ticks } else { 0 };
         (self.broken, armed, interlock_closed, at_0_v, silent_ticks, shown_m.to_bits(), shown_ticks).hash(key);
-        (live_ticks, quiet_ticks, discharged, live_again, commands_v.map(f32::to_bits)).hash(key);
+        (live_ticks, quiet_ticks, live_off, commands_v.map(f32::to_bits)).hash(key);
         let mut name = "";
         for token in text.split(' ') {
             let value = || token.trim_end_matches([',', '}']).parse::<u32>().expect("a counter");

@@ -219,7 +219,7 @@ fn falls_are_reported() {
         }
         assert_eq!(host.status().falls, arcs);
         host.done(Command::Disarm);
-        host.ticks(1000);
+        host.ticks(1001);
         assert_eq!((host.state(), host.status().falls), (DriverState::Disarmed, arcs));
     }
 }

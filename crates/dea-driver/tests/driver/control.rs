@@ -140,7 +140,7 @@ fn the_field_limit_knows_the_longer_of_sensor_and_model() {
             });
             assert!(reached_m > 1e-3, "run {run}: {reached_m} m");
             tick(&mut bench, false);
-            for _ in 0..20 {
+            for _ in 0..1001 {
                 tick(&mut bench, true);
             }
             bench.ask(Controller::acknowledge).expect("tripped");

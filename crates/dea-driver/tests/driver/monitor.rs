@@ -101,8 +101,7 @@ fn an_amplifier_that_is_live_now_and_then_is_noticed() {
         assert_eq!(bench.supervisor.command_v(), 0.0);
         for tick in 0..60_000u32 {
             let state = bench.tick(|readings| readings.monitor_v = if tick % period < live { 6000.0 } else { 0.0 });
-            // After a run the first time may be the discharge.
-            if state == DriverState::Disarmed && period - live < 1000 && !(after_a_run && tick < period) {
+            if state == DriverState::Disarmed && period - live < 1000 {
                 assert_eq!(bench.supervisor.arm(), Err(Refusal::LiveVoltage), "{live} of {period}, tick {tick}");
             }
         }

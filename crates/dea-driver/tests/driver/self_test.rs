@@ -28,7 +28,7 @@ fn play(host: &mut Host, volts: f32) -> f32 {
     });
     assert_eq!(host.state(), DriverState::Running);
     host.done(Command::Disarm);
-    host.ticks(2);
+    host.ticks(1001);
     largest_v
 }
 

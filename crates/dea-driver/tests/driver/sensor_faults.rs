@@ -270,6 +270,7 @@ fn a_sensor_need_not_move_again_after_a_trip() {
             assert_eq!(bench.state(), DriverState::Running, "{is_on}, tick {tick}");
         }
         bench.tick(|inputs| inputs.interlock_closed = false);
+        bench.run(1001);
         bench.ask(Controller::acknowledge).expect("tripped");
         // It is off: the sensor shows 0.
         (bench.film, bench.displacement_m) = (bench.law.state(), 0.0);

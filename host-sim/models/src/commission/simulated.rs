@@ -76,8 +76,8 @@ const RATE_HZ: f64 = 1000.0;
 const TICKS: u64 = (RATE_HZ / ROWS_HZ) as u64;
 /// Ticks before a run, in which the controller sees the sensor.
 const SETTLING: u64 = 100;
-/// Ticks in which the film discharges after a run.
-const DISCHARGE: u64 = 200;
+/// Ticks in which the film discharges after a run, and is at 0 V for as long as the board wants to see it.
+const DISCHARGE: u64 = 1100;
 
 /// A simulated bench.
 pub struct SimulatedBench<'a> {

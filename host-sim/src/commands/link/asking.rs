@@ -11,6 +11,8 @@ use crate::link::Client;
 
 /// A board that takes longer is not ticking.
 pub(super) const PATIENCE: Duration = Duration::from_secs(60);
+/// No board gives a film more time to discharge.
+pub(super) const DISCHARGE: Duration = Duration::from_secs(70);
 /// How often it is asked.
 const EVERY: Duration = Duration::from_millis(20);
 /// A constant voltage is measured after the first of these times and for the second, s. Both are times of the board, since an emulator
@@ -36,6 +38,18 @@ pub(super) fn wait(
         std::thread::sleep(EVERY);
     }
     Ok(false)
+}
+
+/// Waits, with the film at 0 V, until the board has seen that for as long as it wants to before it is armed again.
+pub(super) fn until_discharged(client: &mut Client, stop: &AtomicBool) -> Result<()> {
+    // What else is against it `arm` says.
+    let is_over = |client: &mut Client| {
+        let Status { live, monitor_v, .. } = client.status()?;
+        let waits =
+            |answer| matches!(answer, Answer::Preflight { refusals, .. } if refusals.contains(&Refusal::LiveVoltage));
+        Ok(live || monitor_v.is_nan() || !waits(client.ask(Command::Preflight)?))
+    };
+    wait(client, DISCHARGE, stop, is_over).map(drop)
 }
 
 /// An error once Ctrl-C has come.

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use dea_driver::wire::{Command, Identity, Telemetry};
 use dea_driver::{Blob, Cause, DriverState};
 
-use super::asking::some_ticks;
+use super::asking::{some_ticks, until_discharged};
 use super::live;
 use super::self_test::SelfTest;
 use crate::bench::reference::set;
@@ -102,6 +102,7 @@ impl Bench for LinkedBench<'_> {
 
     fn run(&mut self, mode: Mode, pilot: &mut Pilot<'_>) -> Result<Option<String>> {
         self.client.waiting_samples();
+        until_discharged(self.client, self.stop)?;
         self.client.arm()?;
         let (every, page) = ((RATE_HZ / ROWS_HZ) as u16, self.page);
         let started = self

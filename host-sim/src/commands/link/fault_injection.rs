@@ -7,7 +7,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use dea_driver::wire::{Answer, Command, InjectedFault, Mode, Reject, Status};
 use dea_driver::{Cause, DriverState, SensorFault};
 
-use super::asking::{PATIENCE, going_on, hold, some_ticks, wait};
+use super::asking::{PATIENCE, going_on, hold, some_ticks, until_discharged, wait};
 use super::live;
 use crate::commands::prelude::*;
 use crate::interrupt;
@@ -152,6 +152,7 @@ impl FaultInjection {
             // The board refuses by what a tick has found since the last fault.
             some_ticks(client, stop)?;
         }
+        until_discharged(client, stop)?;
         // What another host has armed meanwhile is its own.
         client.arm()?;
         let ended = self.cause(fault, client, stop);

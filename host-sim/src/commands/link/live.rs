@@ -7,6 +7,7 @@ use dea_driver::wire::{Answer, Command, LearningOrder, Telemetry};
 use dea_driver::{Cause, DriverState, Refusal};
 
 use super::adaptation::Film;
+use super::asking::{DISCHARGE, until_discharged};
 use super::board_time::BoardTime;
 use super::status::falls_text;
 use super::{Source, digits, parameters_of};
@@ -21,8 +22,6 @@ use crate::link::{Client, Log, named};
 
 /// Every so many of them the state is asked for.
 const STATUS_EVERY: u32 = 10;
-/// No board gives a film more time to discharge.
-const DISCHARGE: Duration = Duration::from_secs(70);
 /// A monitor that has not answered for so long will not.
 const SILENT_MONITOR: Duration = Duration::from_secs(2);
 /// So many looks in a row find the film at 0 V.
@@ -225,7 +224,7 @@ impl Play {
         let stop = interrupt::live_film();
         let values = reference::values(self.mode.into(), &self.read()?)?;
         let mut log = Log::begin(&mut client, &self.stream.out, self.stream.every)?;
-        let armed = self.arm(&mut client, &values);
+        let armed = self.arm(&mut client, &values, stop);
         if armed.is_err() {
             // What another host has armed is its own.
             return self.stream.finish(client, log, false, armed, json);
@@ -242,10 +241,11 @@ impl Play {
     }
 
     /// Arms, with values that the board accepts.
-    fn arm(&self, client: &mut Client, values: &[f32]) -> Result<()> {
+    fn arm(&self, client: &mut Client, values: &[f32], stop: &AtomicBool) -> Result<()> {
         if let Some((value, error)) = reference::refused(client, self.mode.into(), values)? {
             return Err(error.about_value(&self.recording, as_written(value)));
         }
+        until_discharged(client, stop)?;
         self.stream.begin(client)?;
         client.arm().map(drop)
     }

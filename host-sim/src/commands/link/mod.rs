@@ -12,6 +12,8 @@ mod status;
 
 pub(super) use self::bench::LinkedBench;
 
+use std::sync::atomic::AtomicBool;
+
 use clap::{Subcommand, ValueEnum};
 use dea_driver::wire::{Answer, Command, Identity, LearningOrder};
 use dea_driver::{Blob, BlobHeader};
@@ -208,6 +210,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Verb::FlightRecorder(recorder) => return recorder.run(client, port, json),
         Verb::Play(play) => return play.run(client, blob.as_deref(), json),
         Verb::Arm => {
+            asking::until_discharged(&mut client, &AtomicBool::new(false))?;
             let armed = Armed { port, done: "armed", token: client.arm()? };
             return terminal::report(json, &armed, || format!("{}: armed; --token {}", armed.port, armed.token));
         }

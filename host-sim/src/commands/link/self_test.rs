@@ -7,7 +7,7 @@ use dea_driver::chips::Converters;
 use dea_driver::wire::{Answer, Command, Identity, Mode, Part, Reject, Status};
 use dea_driver::{Cause, DriverState};
 
-use super::asking::{answer, going_on, hold, inspect, some_ticks, wait};
+use super::asking::{answer, going_on, hold, inspect, some_ticks, until_discharged, wait};
 use super::live;
 use crate::commands::prelude::*;
 use crate::commission::Check;
@@ -138,6 +138,7 @@ impl SelfTest {
         if !checks.passed() {
             return Ok(());
         }
+        until_discharged(client, stop)?;
         going_on(stop)?;
         // What another host has armed meanwhile is its own.
         client.arm_for_self_test()?;

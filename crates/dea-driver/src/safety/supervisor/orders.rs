@@ -8,8 +8,8 @@ impl Supervisor {
     ///
     /// # Errors
     ///
-    /// [`Refusal`] from another state than disarmed, before the first tick, while the readings of the last tick are not safe, until a film
-    /// that was live after its discharge has been at 0 V for that time again, and without a self-test that is
+    /// [`Refusal`] from another state than disarmed, before the first tick, while the readings of the last tick are not safe, until the
+    /// disabled film, if it was live, has been at 0 V for the time of a discharge in one piece, and without a self-test that is
     /// [required](Self::with_self_test_above).
     pub fn arm(&mut self) -> Result<(), Refusal> {
         self.refusals().next().map_or(Ok(()), Err)?;
@@ -39,7 +39,7 @@ impl Supervisor {
     fn enable(&mut self, armed_for_v: f32) {
         self.armed_for_v = armed_for_v;
         self.state = DriverState::Armed;
-        (self.live_ticks, self.discharged) = (0, false);
+        self.live_ticks = 0;
         self.ticks_since_heartbeat = 0;
         self.monitor.reset();
     }
