@@ -22,7 +22,7 @@ pub fn files(board: &Linked) {
 
 const LIMITS: &str = "[board.limits]\nmax_voltage_v = 5000.0\nmax_field_v_per_m = 4.2e7\nthickness_m = 160e-6\nmax_slew_v_per_s = 50e3\n\
     max_displacement_m = 8e-3\nmonitor = { slew_v_per_s = 100e3, band_v = 60.0, band_share = 0.03, settle_s = 0.02 }\n\
-    sensor = { low = -0.5e-3, high = 9e-3, jump = 0.5e-3, stuck_ticks = 500 }\non_sensor_fault = \"trip\"\nheartbeat_s = 0.5\n";
+    sensor = { low = -0.5e-3, high = 9e-3, jump = 0.5e-3, stuck_ticks = 500 }\non_sensor_fault = \"trip\"\nheartbeat_s = 2.0\n";
 
 fn line(board: &Linked, out: &str, rest: &str) -> String {
     format!("commission --board b.toml --port {} --out {out} {rest}", board.port)
