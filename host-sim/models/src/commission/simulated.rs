@@ -243,9 +243,10 @@ impl<'a> SimulatedBench<'a> {
         let more = u64::from(self.random.random_bool(share.clamp(0.0, 1.0)));
         let (ticks, substeps) = self.substeps;
         if self.ticks.is_multiple_of(ticks) {
+            // First between two steps of the ramp: at one it ends it, and looks like friction, a resonance or saturation.
             let is_lost = self
                 .fault(FaultKind::Contact)
-                .is_some_and(|lost_s| (self.ticks as f64 / RATE_HZ + 17.0).rem_euclid(31.0) < lost_s);
+                .is_some_and(|lost_s| (self.ticks as f64 / RATE_HZ + 16.1).rem_euclid(31.0) < lost_s);
             let film_v = if is_lost { 0.0 } else { self.film_v };
             (0..substeps * (1 + more)).for_each(|_| self.plant.advance(film_v));
         }
