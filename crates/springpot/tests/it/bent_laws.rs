@@ -1,6 +1,8 @@
 //! Laws behind an elastic curve, with two curves, F = m ẍ + E(x) + T'(x) M[T(x)], and with a spring in series, S(e) = K[x − e], against nonlinear sums,
 //! closed forms and the plain law.
 
+use std::f64::consts::TAU;
+
 use springpot::{
     Actuator, Curve, Discretisation, Law, LawOptions, Load, Maxwell, Measure, Real, Spring, Springpot, Topology,
 };
@@ -8,7 +10,7 @@ use springpot::{
 use crate::support::bent_films::{
     Bent, STEP_S, bent, cubic, elastic, film, hencky, in_series, left_in_series, load, run, spring, strain,
 };
-use crate::support::{METHODS, relative_rms};
+use crate::support::{METHODS, law_by, relative_rms};
 
 const GAMMA_0_8: f64 = 1.164_229_713_725_303;
 
@@ -211,5 +213,83 @@ fn feedforward_follows_a_bent_film_through_a_saturating_drive() {
         let law: Law<f32> = kind.law(&model, STEP_S, Discretisation::Gl, 8);
         let error = kind.summed(&model, |film| film.feedforward_error(law, &actuator, centre_m, starting));
         assert!(error < 1e-4, "{kind:?}: {error:e}");
+    }
+}
+
+/// A spring beside the memory is a branch of two equal ones in series; one in series with it is in its branch, beside next to nothing.
+#[test]
+fn a_linear_spring_is_one_of_the_model() {
+    let sp = Springpot::new;
+    let straight = Measure { exponent: 1.0, length_m: 1.0 }.curve(-1e-3, 6e-3).expect("rises");
+    let linear = |n_per_m| Spring::linear(n_per_m).expect("valid");
+    let (memory, elements) = (sp(9e3, 0.3), film(0.0));
+    for (mass_kg, method) in [0.0, 0.3].into_iter().flat_map(|mass_kg| METHODS.map(|method| (mass_kg, method))) {
+        let law = |main, branches: &[_]| -> Law<f64> {
+            let model = Maxwell::new(main, branches, Topology::Parallel, mass_kg).expect("valid");
+            law_by(&model, 1.0 / STEP_S, method)
+        };
+        let branch = elements.branches()[0];
+        let beside = law(elements.main(), &[branch]).beside(&linear(7e3), &straight).expect("a law");
+        let series = law(memory, &[]).in_series(&linear(2e4)).expect("a law");
+        let whole_series = law(sp(1e-6, 0.0), &[[memory, sp(2e4, 0.0)]]);
+        let ratio = series.stiffness() / whole_series.stiffness();
+        assert!(series.min_stiffness() <= series.max_stiffness() && ratio >= 1.0, "{ratio}");
+        assert!((series.min_stiffness() / whole_series.stiffness() - 1.0).abs() < 1e-6);
+        let whole_beside = law(elements.main(), &[branch, [sp(14e3, 0.0); 2]]);
+        let load = |k| Load { force_n: load(k), slope_n_per_m: 0.1 * load(k) };
+        for (law, whole) in [(beside, whole_beside), (series, whole_series)] {
+            let error = relative_rms(&run(&law, load, 4000), &run(&whole, load, 4000));
+            assert!(error < 1e-6, "{mass_kg} kg, {method:?}: {error:e}");
+            for hz in [0.01, 1.0, 30.0] {
+                let ratio = law.frequency_response(hz) / whole.frequency_response(hz);
+                assert!((ratio - 1.0).norm() < 1e-6, "{hz} Hz: {ratio}");
+            }
+        }
+    }
+}
+
+/// The slope scales the observer's gains: about a film that has been held, changes at 1 Hz meet so much more stiffness than at rest.
+#[test]
+fn the_slope_is_that_of_slow_changes() {
+    for (kind, tolerance) in [(Film::Beside, 0.03), (Film::Series, 0.05)] {
+        let law = kind.wide(&film(0.0), 4);
+        let amplitude = |centre: f64| {
+            let (mut state, mut still) = (law.state(), law.state());
+            let (mut swung, size) = (0f64, 1e-6);
+            for k in 0..8000 {
+                let phase = TAU * f64::from(k) * STEP_S;
+                let force = law.force(&mut state, centre + size * phase.sin()) - law.force(&mut still, centre);
+                swung = if k >= 4000 { swung.max(force.abs()) } else { 0.0 };
+            }
+            (swung / size, still.slope())
+        };
+        let (at_rest, one) = amplitude(0.0);
+        assert!((one - 1.0).abs() < 1e-6, "{one}");
+        for centre in [1.5e-3, 4e-3] {
+            let (stiffness, slope) = amplitude(centre);
+            let error = (stiffness / at_rest / slope - 1.0).abs();
+            let text = format!("{kind:?}, {centre}: {stiffness} of {at_rest}, {slope}");
+            assert!((slope - 1.0).abs() > 0.1 && error < tolerance, "{text}");
+        }
+    }
+}
+
+/// A law of fewer modes follows one with curves, and is behind it by no more than its margin.
+#[test]
+fn a_coarser_law_knows_the_curves() {
+    for (kind, pieces) in [(Film::Beside, 8), (Film::Series, 4)] {
+        let law = kind.wide(&film(0.0), pieces);
+        let coarse = law.coarser::<4, 11, 7>();
+        let margin = law.margin_of(&coarse, 5e-3, 0.0);
+        assert!((0.0..0.02).contains(&margin), "{margin}");
+        let (mut film, mut watched) = (law.state(), coarse.state());
+        for k in 0..60_000 {
+            let force = if k % 20_000 < 12_000 { 35.0 } else { 12.0 };
+            let x = law.displacement(&mut film, force);
+            let seen = coarse.displacement(&mut watched, force);
+            assert!(k < 100 || (seen - x).abs() < 0.015 * x.abs(), "{kind:?}, step {k}: {seen} instead of {x}");
+            let behind = x * (1.0 - margin) - 1e-6;
+            assert!(k < 1000 || seen > behind, "{kind:?}, step {k}: {seen} of {x}, margin {margin}");
+        }
     }
 }

@@ -2,13 +2,11 @@
 
 use proptest::prelude::*;
 use springpot::{
-    Compressed, CompressionBound, Discretisation, Knot, Law, LawError, LawOptions, Load, Maxwell, Spring, Springpot,
-    Topology,
+    CompressionBound, Discretisation, Knot, Law, LawError, LawOptions, Maxwell, Spring, Springpot, Topology,
 };
 
-use crate::support::bent_films::{STEP_S, film, in_series, load, run};
-use crate::support::{METHODS, law_by, relative_rms};
-use crate::two_curves::{assert_coarser_follows, assert_slope_of_slow_changes};
+use crate::support::bent_films::{STEP_S, film, in_series, load};
+use crate::support::law_by;
 
 fn springpot(c: f64, alpha: f64) -> Springpot {
     Springpot::new(c, alpha)
@@ -16,36 +14,6 @@ fn springpot(c: f64, alpha: f64) -> Springpot {
 
 fn law(mass_kg: f64, method: Discretisation) -> Law<f64> {
     law_by::<f64>(&film(mass_kg), 1.0 / STEP_S, method).in_series(&in_series(4)).expect("a law")
-}
-
-#[test]
-fn a_linear_spring_is_one_of_the_model() {
-    // A springpot and a spring in series: a branch of the model, beside next to nothing.
-    let none = springpot(1e-6, 0.0);
-    let (memory, spring_n_per_m) = (springpot(9e3, 0.3), 2e4);
-    for (mass_kg, method) in [0.0, 0.3].into_iter().flat_map(|mass_kg| METHODS.map(|method| (mass_kg, method))) {
-        let alone = Maxwell::new(memory, &[], Topology::Parallel, mass_kg).expect("valid");
-        let both = [[memory, springpot(spring_n_per_m, 0.0)]];
-        let whole: Law<f64> =
-            law_by(&Maxwell::new(none, &both, Topology::Parallel, mass_kg).expect("valid"), 1e3, method);
-        let spring = Spring::linear(spring_n_per_m).expect("valid");
-        let series = law_by::<f64>(&alone, 1e3, method).in_series(&spring).expect("a law");
-        let load = |k| Load { force_n: load(k), slope_n_per_m: 0.1 * load(k) };
-        let error = relative_rms(&run(&series, load, 4000), &run(&whole, load, 4000));
-        assert!(error < 1e-6, "{mass_kg} kg, {method:?}: {error:e}");
-        for hz in [0.01, 1.0, 30.0] {
-            let ratio = series.frequency_response(hz) / whole.frequency_response(hz);
-            assert!((ratio - 1.0).norm() < 1e-6, "{hz} Hz: {ratio}");
-        }
-        let ratio = series.stiffness() / whole.stiffness();
-        assert!(series.min_stiffness() <= series.max_stiffness() && ratio >= 1.0, "{ratio}");
-        assert!((series.min_stiffness() / whole.stiffness() - 1.0).abs() < 1e-6);
-    }
-}
-
-#[test]
-fn the_slope_is_that_of_slow_changes() {
-    assert_slope_of_slow_changes(&law(0.0, Discretisation::Gl), 0.05);
 }
 
 /// In a film that was held the memory went on slowly: it remembers less than one that was at its end all the time, by a few per cent.
@@ -99,10 +67,10 @@ fn hours_in_single_precision_do_not_drift() {
 }
 
 #[test]
-fn a_coarser_law_and_the_bound_know_the_spring() {
+fn the_margin_and_the_bound_know_the_spring() {
     let law = law(0.0, Discretisation::Gl);
-    let margin = assert_coarser_follows(&law);
-    assert!(law.margin_of::<Compressed<f64, 4, 11, 7>>(&law.coarser(), 5e-3, 100.0) > margin);
+    let coarse = law.coarser::<4, 11, 7>();
+    assert!(law.margin_of(&coarse, 5e-3, 100.0) > law.margin_of(&coarse, 5e-3, 0.0));
     let CompressionBound { displacement_per_increment, force_per_stroke, .. } =
         law.compression_bound(&film(0.0), 155.0);
     assert!(displacement_per_increment < 1e-3 && force_per_stroke.is_infinite());

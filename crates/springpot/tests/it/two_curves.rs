@@ -1,40 +1,17 @@
 //! Springs and strain measures, and laws with both, against closed forms and laws without them.
 
-use std::f64::consts::TAU;
-
 use proptest::prelude::*;
 use springpot::{
-    Coefficients, Compressed, Curve, CurveError, Discretisation, Knot, Law, LawError, LawOptions, Load, Maxwell,
-    Measure, Real, Rubber, Spring, Springpot, Topology,
+    Coefficients, Curve, CurveError, Discretisation, Knot, Law, LawError, LawOptions, Maxwell, Measure, Real, Rubber,
+    Spring, Springpot, Topology,
 };
 
-use crate::support::bent_films::{STEP_S, film, hencky, load, run, spring};
+use crate::support::bent_films::{STEP_S, film, hencky, spring};
 use crate::support::models::random_models;
-use crate::support::{METHODS, law_by, relative_rms};
+use crate::support::{METHODS, law_by};
 
 fn law<T: Real>(model: &Maxwell, method: Discretisation) -> Law<T> {
     law_by(model, 1.0 / STEP_S, method)
-}
-
-#[test]
-fn a_linear_spring_is_one_of_the_model() {
-    // Beside the memory, or as a branch of two springs in series.
-    let sp = Springpot::new;
-    let branch = |c| [sp(2.0 * c, 0.0), sp(2.0 * c, 0.0)];
-    let straight = Measure { exponent: 1.0, length_m: 1.0 }.curve(-1e-3, 6e-3).expect("rises");
-    for (mass_kg, method) in [0.0, 0.3].into_iter().flat_map(|mass_kg| METHODS.map(|method| (mass_kg, method))) {
-        let model = film(mass_kg);
-        let whole = Maxwell::new(model.main(), &[model.branches()[0], branch(7e3)], Topology::Parallel, mass_kg);
-        let whole: Law<f64> = law(&whole.expect("valid"), method);
-        let two = law::<f64>(&model, method).beside(&Spring::linear(7e3).expect("valid"), &straight).expect("a law");
-        let load = |k| Load { force_n: load(k), slope_n_per_m: 0.1 * load(k) };
-        let error = relative_rms(&run(&two, load, 4000), &run(&whole, load, 4000));
-        assert!(error < 1e-6, "{mass_kg} kg, {method:?}: {error:e}");
-        for hz in [0.01, 1.0, 30.0] {
-            let ratio = two.frequency_response(hz) / whole.frequency_response(hz);
-            assert!((ratio - 1.0).norm() < 1e-6, "{hz} Hz: {ratio}");
-        }
-    }
 }
 
 #[test]
@@ -59,55 +36,6 @@ fn coefficients_of_a_spring_that_falls_too_steeply_are_refused() {
         let refused = Law::from_coefficients(&lonely, STEP_S, 0.0).err();
         assert_eq!(refused, Some(LawError::Curve(CurveError::Knots(1))));
     }
-}
-
-/// The slope scales the observer's gains: about a film that has been held, changes at 1 Hz meet so much more stiffness than at rest.
-pub(crate) fn assert_slope_of_slow_changes(law: &Law<f64>, tolerance: f64) {
-    let amplitude = |centre: f64| {
-        let (mut state, mut still) = (law.state(), law.state());
-        let (mut swung, size) = (0f64, 1e-6);
-        for k in 0..8000 {
-            let phase = TAU * f64::from(k) * STEP_S;
-            let force = law.force(&mut state, centre + size * phase.sin()) - law.force(&mut still, centre);
-            swung = if k >= 4000 { swung.max(force.abs()) } else { 0.0 };
-        }
-        (swung / size, still.slope())
-    };
-    let (at_rest, one) = amplitude(0.0);
-    assert!((one - 1.0).abs() < 1e-6, "{one}");
-    for centre in [1.5e-3, 4e-3] {
-        let (stiffness, slope) = amplitude(centre);
-        let error = (stiffness / at_rest / slope - 1.0).abs();
-        assert!((slope - 1.0).abs() > 0.1 && error < tolerance, "{centre}: {stiffness} of {at_rest}, {slope}");
-    }
-}
-
-/// A law of fewer modes follows `law`, and is behind it by no more than its margin; returns that.
-pub(crate) fn assert_coarser_follows(law: &Law<f64>) -> f64 {
-    type Coarse = Law<f64, Compressed<f64, 4, 11, 7>>;
-    let coarse: Coarse = law.coarser();
-    let margin = law.margin_of(&coarse, 5e-3, 0.0);
-    assert!((0.0..0.02).contains(&margin), "{margin}");
-    let (mut film, mut watched) = (law.state(), coarse.state());
-    for k in 0..60_000 {
-        let force = if k % 20_000 < 12_000 { 35.0 } else { 12.0 };
-        let x = law.displacement(&mut film, force);
-        let seen = coarse.displacement(&mut watched, force);
-        assert!(k < 100 || (seen - x).abs() < 0.015 * x.abs(), "step {k}: {seen} instead of {x}");
-        assert!(k < 1000 || seen > x * (1.0 - margin) - 1e-6, "step {k}: {seen} of {x}, margin {margin}");
-    }
-    margin
-}
-
-#[test]
-fn the_slope_is_that_of_slow_changes() {
-    let law: Law<f64> = law(&film(0.0), Discretisation::Gl).beside(&spring(4), &hencky()).expect("a law");
-    assert_slope_of_slow_changes(&law, 0.03);
-}
-
-#[test]
-fn a_coarser_law_knows_both_curves() {
-    assert_coarser_follows(&law(&film(0.0), Discretisation::Gl).beside(&spring(8), &hencky()).expect("a law"));
 }
 
 #[test]
