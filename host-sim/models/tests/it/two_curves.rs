@@ -1,4 +1,4 @@
-//! Films with two curves from parameter files: full memory against the controller's law, and files that are refused.
+//! Films with two curves from parameter files: how they are read, fitted and followed, and files that are refused.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -10,13 +10,12 @@ use host_models::agreement::Agreement;
 use host_models::fit::Settings;
 use host_models::fit::observation::Observation;
 use host_models::fit::settings::CurveChoice;
-use host_models::replay::full_memory::FullMemory;
 use host_models::replay::memory::RunOptions;
 use host_models::replay::{feasibility, feedforward, simulate};
 use host_models::simulation::film::{self, Film};
 use host_models::simulation::plant::{FullMemoryPlant, Mismatch, NonlinearPlant, Plant};
 use indicatif::ProgressBar;
-use springpot::{Actuator, CommandLimits, Discretisation, Law, Load, Maxwell, Preload, Topology};
+use springpot::{Actuator, CommandLimits, Discretisation, Maxwell, Preload, Topology};
 
 use crate::recorded::{driven, far, noise, observation, parallel, peak, risen_sine_m};
 use crate::series::fractional;
@@ -92,35 +91,6 @@ fn files_that_do_not_fit_together_are_refused_with_their_line() {
     let (alone, _) = FILE.split_once("[curve]").expect("a curve");
     let refused = parsed(&format!("{alone}[spring]\nstiffness_n_per_m = 9000.0\n")).expect_err("no measure");
     assert!(refused.contains("needs [curve]"), "{refused}");
-}
-
-/// Forwards and backwards, the answer with full memory is that of the law at the same step, to the compression of its memory and to what the
-/// law's linearisation of a step neglects.
-#[test]
-fn full_memory_of_two_curves_is_that_of_the_law() {
-    const SAMPLES: usize = 3000;
-    let parameters = parsed(FILE).expect("valid");
-    let film = parameters.film();
-    let law: Law<f64> = film.compressed_law(RATE_HZ).expect("a law");
-    let circle = FullMemory::new(SAMPLES, 1.0 / RATE_HZ);
-    let force = |k: usize| 15.0 * (1.0 - (0.9 * k as f64 / RATE_HZ).cos());
-    let path: Vec<f64> = (0..SAMPLES).map(|k| 2e-3 * (1.0 - (0.7 * k as f64 / RATE_HZ).cos())).collect();
-    let shown = circle.force_along(film, &path);
-    let mut state = law.state();
-    for (x, exact) in path.iter().zip(&shown) {
-        let stepped = law.force(&mut state, *x);
-        assert!((stepped - exact).abs() < 1e-5 * 50.0, "{stepped} N instead of {exact}");
-    }
-    let loads: Vec<Load<f64>> =
-        (0..SAMPLES).map(|k| Load { force_n: force(k), slope_n_per_m: 40.0 * force(k) }).collect();
-    let exact = circle.displacement_under(film, &loads, 1.0 / RATE_HZ).expect("it converges");
-    let mut state = law.state();
-    let largest = exact.iter().copied().fold(0.0, f64::max);
-    assert!(largest > 2e-3, "the curves matter: {largest}");
-    for (load, exact) in loads.iter().zip(&exact) {
-        let stepped = law.displacement_under(&mut state, *load);
-        assert!((stepped - exact).abs() < 1e-5 * largest, "{stepped} m instead of {exact}");
-    }
 }
 
 /// A film whose spring stiffens beside a springpot on Hencky's strain, over strokes of up to a third of its length.
