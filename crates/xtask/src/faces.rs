@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use clap::ValueEnum;
 
-use crate::process::{Result, cargo, command, format, make, output, read, root, run as run_command};
+use crate::process::{Result, cargo, command, format, locked, make, output, root, run as run_command};
 use crate::programs::QEMU;
 use crate::python::{environment, interpreter, pip};
 use crate::{benchmark, embedded, other_board, packages, setup, test, windows};
@@ -161,7 +161,7 @@ fn path_without_rust() -> OsString {
 
 /// The package's lock file and the project's name the same versions of what both have: its figures are those of the command line.
 fn same_versions(package: &Path) -> Result<()> {
-    let (own, project) = (locked(&package.join("Cargo.lock"))?, locked(&root().join("Cargo.lock"))?);
+    let (own, project) = (locked(package)?, locked(&root())?);
     let other = own.iter().find(|(name, version)| {
         let versions: Vec<&String> =
             project.iter().filter(|(known, _)| known == name).map(|(_, known)| known).collect();
@@ -170,13 +170,4 @@ fn same_versions(package: &Path) -> Result<()> {
     let Some((name, version)) = other else { return Ok(()) };
     let known = project.iter().find(|(known, _)| known == name).map_or("", |(_, known)| known);
     Err(format!("python/Cargo.lock has {name} {version}: cargo update --precise {known} {name}@{version} there"))
-}
-
-/// Names and versions in a lock file.
-fn locked(path: &Path) -> Result<Vec<(String, String)>> {
-    let text = read(path)?;
-    let value =
-        |line: &str, key: &str| Some(line.strip_prefix(key)?.strip_prefix(" = \"")?.trim_end_matches('"').to_owned());
-    let lines: Vec<&str> = text.lines().collect();
-    Ok(lines.windows(2).filter_map(|pair| Some((value(pair[0], "name")?, value(pair[1], "version")?))).collect())
 }

@@ -3,36 +3,16 @@
 use std::path::Path;
 use std::{fs, io};
 
-use crate::process::{Result, cargo, entries, home, name, output, read, root, run as run_command};
+use serde_json::Value;
+
+use crate::process::{Result, cargo, entries, home, name, output, root, run as run_command};
 
 /// The libraries: they are checked with every feature, and packaged.
 pub const LIBRARIES: [&str; 2] = ["springpot", "dea-driver"];
 
-/// Files in the root of a package: its own, and those that cargo adds.
-const FILES: [&str; 7] = [
-    ".cargo_vcs_info.json",
-    "Cargo.lock",
-    "Cargo.toml",
-    "Cargo.toml.orig",
-    "LICENSE-APACHE",
-    "LICENSE-MIT",
-    "README.md",
-];
-
-/// Folders of a package, and what files in them end in.
-const FOLDERS: [(&str, &[&str]); 4] =
-    [("src/", &[".rs"]), ("doc/", &[".md"]), ("examples/", &[".rs"]), ("tests/", &[".rs", ".csv", ".bin"])];
-
-/// The package of each library holds the library's own files, nothing else, and is complete. Neither
-/// the library nor its tests need the host tool.
+/// The package of each library is complete; what is in it is stated in its manifest. Neither the library nor its tests need the host tool.
 pub fn run() -> Result<()> {
     for library in LIBRARIES {
-        let list = output(cargo(&format!("package --quiet --list --allow-dirty --package {library}")))?;
-        let stray: Vec<&str> = list.lines().filter(|file| !belongs(file)).collect();
-        if !stray.is_empty() {
-            return Err(format!("the package of {library} holds {}", stray.join(", ")));
-        }
-        println!("the package of {library} holds {} files, all its own", list.lines().count());
         let tree = format!("tree --package {library} --edges normal,build,dev --prefix none --all-features");
         let tree = output(cargo(&tree))?;
         if let Some(tool) = tree.lines().find(|line| line.starts_with("host-sim ") || line.starts_with("tests ")) {
@@ -50,17 +30,13 @@ pub fn run() -> Result<()> {
     run_command(package)
 }
 
-/// Names in the table of features in a library's manifest.
+/// Names of a library's features.
 pub fn features_of(library: &str) -> Result<Vec<String>> {
-    let path = root().join("crates").join(library).join("Cargo.toml");
-    let manifest = read(&path)?;
-    let table = manifest.lines().skip_while(|line| line.trim() != "[features]").skip(1);
-    let names = table
-        .take_while(|line| !line.starts_with('['))
-        .filter(|line| !line.starts_with([' ', '#', ']']))
-        .filter_map(|line| Some(line.split_once('=')?.0.trim().trim_matches('"').to_owned()))
-        .filter(|name| name != "default");
-    Ok(names.collect())
+    let mut metadata = cargo("read-manifest");
+    metadata.current_dir(root().join("crates").join(library));
+    let manifest: Value = serde_json::from_str(&output(metadata)?).map_err(|error| format!("{library}: {error}"))?;
+    let features = manifest["features"].as_object().ok_or_else(|| format!("{library}: no features"))?;
+    Ok(features.keys().filter(|name| *name != "default").cloned().collect())
 }
 
 /// Where the packages are built, apart from everything else.
@@ -87,24 +63,4 @@ fn forget_unpacked() -> Result<()> {
         }
     }
     Ok(())
-}
-
-fn belongs(file: &str) -> bool {
-    FILES.contains(&file)
-        || FOLDERS.iter().any(|(folder, ends)| file.starts_with(folder) && ends.iter().any(|end| file.ends_with(end)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::belongs;
-
-    #[test]
-    fn strays_are_found() {
-        for own in ["Cargo.toml", "README.md", "src/law/mod.rs", "examples/hold.rs", "tests/oracle/continuous.csv"] {
-            assert!(belongs(own), "{own}");
-        }
-        for stray in ["notes.txt", "src/law/mod.rs.orig", "target/debug/x", "../README.md", "docs/x.svg", "data.csv"] {
-            assert!(!belongs(stray), "{stray}");
-        }
-    }
 }

@@ -87,6 +87,15 @@ pub fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
+/// Names and versions in the lock file of a folder.
+pub fn locked(folder: &Path) -> Result<Vec<(String, String)>> {
+    let value =
+        |line: &str, key: &str| Some(line.strip_prefix(key)?.strip_prefix(" = \"")?.trim_end_matches('"').to_owned());
+    let lock = read(&folder.join("Cargo.lock"))?;
+    let lines: Vec<&str> = lock.lines().collect();
+    Ok(lines.windows(2).filter_map(|pair| Some((value(pair[0], "name")?, value(pair[1], "version")?))).collect())
+}
+
 /// The name of a file or a folder.
 pub fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
