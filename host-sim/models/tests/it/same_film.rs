@@ -1,5 +1,4 @@
-//! The same film is found wherever the sensor was zeroed, whichever way it counts, however late it is, and in any order of recordings;
-//! copies of a recording are not evidence.
+//! The same film is found wherever the sensor was zeroed, whichever way it counts, however late it is, and in any order of recordings.
 
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
@@ -70,12 +69,8 @@ fn options() -> FitOptions {
     FitOptions { branches: Branches::Number(1), starts: 4, ..FitOptions::default() }
 }
 
-fn tried(recordings: &[Recording], options: &FitOptions) -> host_io::Result<Fit> {
-    Ok(fitted_to(recordings, options, Actuator { stretch_coupling: 0.0, ..ACTUATOR })?.0)
-}
-
 fn fitted(recordings: &[Recording], options: &FitOptions) -> Fit {
-    tried(recordings, options).expect("a fit")
+    fitted_to(recordings, options, Actuator { stretch_coupling: 0.0, ..ACTUATOR }).expect("a fit").0
 }
 
 /// The fit to the film as it is, made once.
@@ -183,35 +178,6 @@ fn the_delay_is_in_the_file() {
         &parameters.to_toml().replace("delay_s = 0.021", "delay_s = 20.0"),
     );
     assert!(error.expect_err("20 s").to_string().contains("delay_s"));
-}
-
-/// Copies are no evidence; the same drive again is.
-#[test]
-fn copies_are_refused_and_repetitions_are_not() {
-    let rows = rows(0);
-    let (first, all) = (&rows[0], recordings(&rows));
-    let with = |rows: &[[f64; 3]]| tried(&[all.as_slice(), &[recording("copy.csv", rows)]].concat(), &options());
-    let part = |from: usize, to: usize, every: usize, of: &dyn Fn(usize, f64) -> f64| {
-        let row = |k: usize| [first[k][0] - first[from][0], first[k][1], of(k, first[k][2])];
-        with(&(from..to).step_by(every).map(row).collect::<Rows>())
-    };
-    let count = first.len();
-    let mean = |k: usize, _: f64| {
-        let near = &first[k.saturating_sub(4)..(k + 5).min(count)];
-        near.iter().map(|row| row[2]).sum::<f64>() / near.len() as f64
-    };
-    for (what, fit) in [
-        ("again", part(0, count, 1, &|_, x| x)),
-        ("zeroed anew", part(0, count, 1, &|_, x| x + 2e-3)),
-        ("thinned", part(0, count, 4, &|_, x| x)),
-        ("its beginning", part(0, count / 2, 1, &|_, x| x)),
-        ("its end", part(count / 3, count, 1, &|_, x| x)),
-        ("smoothed", part(0, count, 1, &mean)),
-    ] {
-        let error = fit.expect_err(what).to_string();
-        assert!(error.starts_with("copy.csv: is a copy of 0.4.csv"), "{what}: {error}");
-    }
-    with(&sine(HZ[0], 0, 99)).expect("the same drive, measured again");
 }
 
 /// Displacement (m) of a springpot of order 0.12 under a force 1 − cos ωt in closed form, t s after rest: the fractional integral of the constant,
