@@ -5,7 +5,7 @@
 use dea_driver::{BLOB_LEN, Blob, BlobError, BlobHeader, Parameters, SCHEMA};
 use springpot::{
     Actuator, AmplifierLag, Coefficients, Compressed, Curve, Discretisation, Knot, Law, LawOptions, Maxwell, Measure,
-    Preload, Preset, Spring, Springpot, Topology,
+    Preload, Preset, Spring, Springpot, Topology, VoltageDrive,
 };
 
 use crate::bench::{encoded, law, law_in_series};
@@ -140,16 +140,20 @@ fn a_blob_carries_a_spring_in_series() {
     }
 }
 
-/// A controller steps the host's law, of either method, to the bit.
+/// A controller steps the host's law, of either method, to the bit, behind the host's drive; a full name has room.
 #[test]
 fn parameters_and_blob_carry_the_method() {
     let model = Preset::named("table3-n2").expect("there").model().expect("valid");
     for method in [Discretisation::Gl, Discretisation::Bdf2] {
         let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3).with_method(method)).expect("valid");
-        let sent = Parameters::bench(&law, Actuator::KARNER_2022);
+        let name = "a name of thirty-two characters.".parse().expect("fits");
+        let sent = Parameters { name, ..Parameters::bench(&law, Actuator::KARNER_2022) };
         let blob = Blob::decode(&encoded(&sent, BOARD), BOARD).expect("valid");
         assert_eq!(blob.parameters(), &sent);
         assert_eq!(law.method(), method);
         steps_as(&blob, &law);
+        let max_voltage_v = sent.limits.max_voltage_v.into();
+        let drive = VoltageDrive::new(&Actuator::KARNER_2022, max_voltage_v, law.stiffness()).expect("valid");
+        assert_eq!(blob.follower().compensator().observer().drive(), &drive);
     }
 }

@@ -4,9 +4,9 @@ use dea_driver::chips::{AdcError, AmplifierError, Calibration, MAX_POINTS};
 use dea_driver::wire::FrameError;
 use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters, RamFlash, Store, StoreError};
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
-use springpot::{Actuator, Knot, VoltageDrive};
+use springpot::Knot;
 
-use crate::bench::{board_parameters, encoded, law};
+use crate::bench::{board_parameters, encoded};
 use crate::board::{self, SECTOR};
 
 const BOARD: u16 = 0x0405;
@@ -32,24 +32,6 @@ fn store(slots: [Vec<u8>; 2]) -> Store<RamFlash> {
 fn found(store: &mut Store<RamFlash>) -> (String, bool) {
     let stored = store.load().expect("there");
     (stored.blob.parameters().name.to_string(), stored.newer_lost)
-}
-
-#[test]
-fn a_blob_comes_back_as_it_was() {
-    let mut parameters = board_parameters();
-    let blob = Blob::decode(&bytes_of(&parameters), BOARD).expect("valid");
-    assert_eq!(*blob.parameters(), parameters);
-    // The law is the one that a host steps, to the bit.
-    let law = law();
-    let observer = blob.follower().compensator().observer();
-    assert_eq!(observer.law(), &law);
-    let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
-    assert_eq!(observer.drive(), &drive);
-    // The largest there can be: a full name.
-    parameters.name = "a name of thirty-two characters.".try_into().expect("short");
-    let bytes = bytes_of(&parameters);
-    println!("blob: at most {} bytes", bytes.len());
-    assert_eq!(Blob::decode(&bytes, BOARD).expect("valid").into_parameters(), parameters);
 }
 
 /// Every single bit flip, every truncation, and any other bytes are refused.
