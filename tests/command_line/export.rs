@@ -4,9 +4,9 @@ use std::fs;
 
 use dea_driver::chips::{Calibration, CommandRange};
 use dea_driver::wire::boards;
-use dea_driver::{Blob, BlobError, Controller, OnSensorFault};
+use dea_driver::{Blob, BlobError, OnSensorFault};
 use host_sim::files::parameters::Parameters;
-use springpot::{Law, LawOptions, Preset, VoltageDrive};
+use springpot::{Law, LawOptions, Preset};
 use tests::tool::{Bench, SIZES, names, number};
 
 use crate::TOOL;
@@ -55,30 +55,6 @@ fn the_bound_of_the_compression_is_reported() {
     bench.write("bent.toml", format!("schema = 2\nname = \"bent\"\n{SIZES}{model}"));
     let bent = &bench.json("export --params bent.toml --out p.bin")["compression"];
     assert!(bent["displacement_per_stroke"].is_null() && bent["force_per_stroke"].is_f64(), "{bent}");
-}
-
-/// Every preset, at several rates: the controller's steps are the host's, bit for bit.
-#[test]
-fn the_controller_runs_what_the_host_runs() {
-    let bench = Bench::new(TOOL);
-    for preset in Preset::ALL {
-        for rate in [200.0, 1000.0, 5000.0] {
-            let blob = exported(&bench, &format!("preset:{}", preset.name()), &rate.to_string());
-            let blob = Blob::decode(&blob, boards::STM32F405).expect("valid");
-            let mut controller = Controller::new(blob);
-            let parameters = Parameters::preset(preset.name()).expect("there");
-            let law: Law<f32> = Law::compressed(&parameters.model, LawOptions::at_step(1.0 / rate)).expect("valid");
-            let drive = VoltageDrive::new(&parameters.actuator, 6000.0, law.stiffness()).expect("valid");
-            let mut film = law.state();
-            for k in 0..2000u16 {
-                let volts = 6.0 * f32::from(k % 1000);
-                let x = law.displacement_under(&mut film, drive.load(volts));
-                let step = controller.step(volts);
-                assert_eq!(step.displacement_m.to_bits(), x.to_bits(), "{} at {rate} Hz, step {k}", preset.name());
-                assert_eq!(step.force_n.to_bits(), film.base_force().to_bits());
-            }
-        }
-    }
 }
 
 /// The table in `docs/boards.md`: what these converters cannot keep is refused on the host.

@@ -10,7 +10,9 @@ use host_models::simulation::controllers::{self, ControllerKind};
 use host_models::simulation::tuning::ControllerTuning;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use springpot::{Actuator, Applied, Feedforward, Follower, Maxwell, SensorSample, Springpot, Topology, Tracking};
+use springpot::{
+    Actuator, Applied, Feedforward, Follower, Maxwell, Preset, SensorSample, Springpot, Topology, Tracking,
+};
 
 /// A limit near `usual` with as many digits as a file states.
 fn near(rng: &mut Pcg64, usual: f64) -> f64 {
@@ -32,12 +34,16 @@ fn on_the_host(parameters: &Parameters, rate_hz: f64, limits: &[(&str, f64)]) ->
     Tracking::new(law, &parameters.actuator, settings.limits, settings.observer).expect("valid")
 }
 
+/// Every preset at several rates.
 #[test]
 fn without_a_board_both_have_the_same_bench() {
-    let parameters = Parameters::load("preset:table3-n2").expect("a preset");
+    let presets = Preset::ALL.into_iter().flat_map(|preset| [200.0, 1000.0, 5000.0].map(|hz| (preset.name(), hz)));
     // Of the last a controller keeps 24 bits.
-    for rate_hz in [100.0, 200.0, 250.0, 500.0, 1000.0, 2000.0, 5000.0, 100.1, 333.3, 1000.0 / 3.0, 1234.567] {
-        assert_eq!(on_the_host(&parameters, rate_hz, &[]), on_a_board(&parameters, rate_hz), "{rate_hz} Hz");
+    let rates_hz = [100.0, 250.0, 500.0, 2000.0, 100.1, 333.3, 1000.0 / 3.0, 1234.567];
+    for (name, rate_hz) in presets.chain(rates_hz.map(|rate_hz| ("table3-n2", rate_hz))) {
+        let parameters = Parameters::preset(name).expect("a preset");
+        let host = on_the_host(&parameters, rate_hz, &[]);
+        assert_eq!(host, on_a_board(&parameters, rate_hz), "{name}, {rate_hz} Hz");
     }
 }
 
