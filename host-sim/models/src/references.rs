@@ -25,8 +25,9 @@ pub fn on_grid(recording: &Recording, rate_hz: f64) -> Result<(Vec<f64>, Grid)> 
         return Err(Error::file(path, format!("shorter than a step at {rate_hz:?} Hz; raise `rate_hz`")));
     }
     let values = grid.resample(recording.displacement_drive()?.samples());
-    if values.iter().any(|x| x.abs() > 1.0) {
-        return Err(Error::file(path, "a displacement of more than 1 m; check the unit in the column's name"));
+    if let Some(far) = values.iter().find(|x| x.abs() >= MAX_REACH_M) {
+        let cause = format!("a displacement of {far} m is no stroke of a film; check the unit in the column's name");
+        return Err(Error::file(path, cause));
     }
     Ok((values, grid))
 }
@@ -62,6 +63,8 @@ pub struct Reference {
     pub seed: u64,
 }
 
+/// Displacement from which it is in another unit, m.
+const MAX_REACH_M: f64 = 0.5;
 const MAX_SAMPLES: usize = 20_000_000;
 /// The longest period, s. A random walk runs for twenty periods before its first sample.
 const MAX_PERIOD_S: f64 = 1e5;
@@ -98,11 +101,14 @@ impl Reference {
     /// [`Error::Field`] for sizes and times that make no sense.
     pub fn on(&self, grid: Grid) -> Result<Vec<f64>> {
         let Self { low_m, high_m, period_s, rise_s, .. } = *self;
-        if !(low_m.is_finite() && high_m.is_finite() && low_m < high_m && low_m.abs().max(high_m.abs()) < 1.0) {
-            return Err(Error::field(
-                "low_m",
-                format!("{low_m:?} must lie below `high_m` {high_m:?}, both within 1 m"),
-            ));
+        for (option, value_m) in [("low_m", low_m), ("high_m", high_m)] {
+            if !(value_m.abs() < MAX_REACH_M) {
+                let cause = format!("{value_m:?} m is no stroke of a film; if it is in millimetres, write {value_m}mm");
+                return Err(Error::field(option, cause));
+            }
+        }
+        if low_m >= high_m {
+            return Err(Error::field("low_m", format!("{low_m:?} m must be below `high_m` {high_m:?} m")));
         }
         for (option, value) in [("period_s", period_s), ("rise_s", rise_s)] {
             positive(option, value)?;

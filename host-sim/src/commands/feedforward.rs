@@ -175,14 +175,14 @@ fn verdict(check: &Feasibility) -> Vec<String> {
     lines.extend(check.expectation.iter().filter(|_| check.feasible).flat_map(Expectation::lines));
     lines.extend(match (check.least_offset_m, check.most_offset_m, check.smaller) {
         (Some(least), Some(most), _) => Some(format!(
-            "feasible with an offset of {:.3} to {:.3} mm: {} to {}",
+            "feasible with an offset of {:.3} to {:.3} mm that rises in the first 2 s: {} to {}",
             mm * least,
             mm * most,
             band(least),
             band(most)
         )),
         (.., Some(Smaller { factor, offset_m })) => Some(format!(
-            "no offset makes it feasible; {factor:.1} of it with an offset of {:.3} mm is: {}",
+            "no offset makes it feasible; {factor:.1} of it with an offset of {:.3} mm that rises in the first 2 s is: {}",
             mm * offset_m,
             format_args!(
                 "{:.3} … {:.3} mm",
@@ -194,6 +194,11 @@ fn verdict(check: &Feasibility) -> Vec<String> {
         _ if check.high_m <= 0.0 => Some(
             "a film only moves to positive displacements, and the reference only to negative ones: change its sign, or add an offset to it".into(),
         ),
+        // No offset ends a jump.
+        _ if check.binding.iter().any(|binding| binding.at_s == 0.0) && check.first_m != 0.0 => Some(format!(
+            "the reference begins at {:.3} mm, and a film at rest is at 0: let the reference rise from 0, in 2 s or more",
+            mm * check.first_m
+        )),
         _ => Some("neither an offset nor a smaller stroke makes it feasible: it must be slower".into()),
     });
     lines

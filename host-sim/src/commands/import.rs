@@ -150,8 +150,8 @@ impl Imported {
             warnings
                 .push("the drive is not 0 at --from: what the film remembers of the rows before is lost".to_owned());
         }
-        let drop_outs = recording.drop_outs().map(|drop_outs| drop_outs.to_string());
-        warnings.extend(recording.implausible().iter().chain(&drop_outs).map(|text| with_flags(text)));
+        let doubts = recording.implausible().into_iter().chain(recording.doubts());
+        warnings.extend(doubts.map(|text| with_flags(&text)));
         Self {
             out: shown(out),
             rows: recording.time_s().len(),

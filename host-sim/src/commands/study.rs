@@ -4,7 +4,7 @@ use super::options;
 use super::prelude::*;
 use super::recordings::RecordingOptions;
 use crate::files::recording::{Direction, Recording};
-use crate::fit::observation::observe_all;
+use crate::fit::observation::{Observation, observe_all};
 use crate::fit::settings::assumed_actuator;
 use crate::report::figure_file;
 use crate::report::study_page::StudyPage;
@@ -72,7 +72,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let _folder = Folder::at(&arguments.out)?;
     let staged = stage(&page, &arguments.out)?;
     let files = staged.iter().map(|file| shown(file.path())).collect();
-    let names: Vec<String> = observations.into_iter().map(|o| o.name).collect();
+    let names: Vec<String> = observations.iter().map(Observation::file_name).collect();
     let report = Report {
         fits: fits.iter().map(|fit| StudyFitRow::new(fit, &names)).collect(),
         recordings: names,

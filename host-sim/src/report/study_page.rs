@@ -42,7 +42,7 @@ struct Table {
 impl StudyPage {
     /// The page of `fits` to `observations`; `thinned` if pattern search saw thinned recordings.
     pub fn new(fits: &[StudyFit], observations: &[Observation], thinned: bool) -> Self {
-        let names: Vec<String> = observations.iter().map(|o| o.name.clone()).collect();
+        let names: Vec<String> = observations.iter().map(Observation::file_name).collect();
         let figure = |name, title: &str, alone| StudyFigure {
             name,
             figure: Figure::new(title, panels(fits, observations, alone)),
@@ -171,7 +171,7 @@ fn panels(fits: &[StudyFit], observations: &[Observation], alone: bool) -> Vec<P
         .map(|(index, observation)| {
             let time = &observation.measured.time_s;
             let measured = Line::new("measured", time, &scaled(&observation.measured.value));
-            let mut panel = Panel::new(&observation.name, "time (s)", axis).with(measured.beneath());
+            let mut panel = Panel::new(observation.file_name(), "time (s)", axis).with(measured.beneath());
             for (method, topology, colour) in [
                 (Method::PatternSearch, Topology::Eq11, Colour::Vermilion),
                 (Method::Lm, Topology::Parallel, Colour::Blue),

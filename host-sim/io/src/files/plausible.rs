@@ -32,6 +32,9 @@ const MIN_DURATION_S: f64 = 2.0;
 /// Rows of the shortest recording that is judged so.
 const MIN_ROWS: usize = 50;
 
+/// Rows in a cycle from which whole seconds may be numbers of rows: slower cycles are recorded at a lower rate than 1 Hz.
+const USUAL_ROWS: usize = 30;
+
 /// Units, and the next smaller one of each.
 const SMALLER: [(&str, &str); 9] = [
     ("kV", "V"),
@@ -185,6 +188,26 @@ impl Recording {
         } else {
             None
         }
+    }
+
+    /// The remark on times that may be the numbers of the rows: whole, one or two apart in a column of seconds, while the drive has as many rows
+    /// in a cycle as at a usual rate.
+    pub fn numbered_rows(&self) -> Option<String> {
+        let column = self.origin(Quantity::Time).filter(|column| column.unit == "s" && column.by != By::Choice)?;
+        let (time_s, step) = (self.time_s(), usual_step(self.time_s())?);
+        let are_numbers = (step == 1.0 || step == 2.0) && time_s.windows(2).all(|pair| pair[1] - pair[0] == step);
+        let drive = self.drive().ok().filter(|_| are_numbers && time_s.len() >= MIN_ROWS)?;
+        let values = &drive.samples().value;
+        let crossings = crossings(values);
+        let is_usual = crossings > 2 && 2 * time_s.len() > USUAL_ROWS * crossings;
+        (is_usual && !is_constant(values) && self.implausible_times().is_none()).then(|| {
+            let cycle_s = rounded((2.0 * self.duration_s() / crossings as f64).round());
+            format!(
+                "the times are whole numbers {step} apart, with {cycle_s} s in a cycle: numbers of the rows? Then import with `rate_hz`; if they are \
+                 seconds, `columns` time={}:s",
+                column.column
+            )
+        })
     }
 
     /// The next smaller unit of a column, as a question.

@@ -290,8 +290,12 @@ impl Recording {
     pub fn remarks(&self) -> Vec<String> {
         // A handful of rows is no measurement, and the fault of its file is reported alone.
         let implausible = if self.time_s.len() < MIN_ROWS { Vec::new() } else { self.implausible() };
-        let drop_outs = self.drop_outs().map(|drop_outs| drop_outs.to_string());
-        self.notes().iter().cloned().chain(implausible).chain(drop_outs).collect()
+        self.notes().iter().cloned().chain(implausible).chain(self.doubts()).collect()
+    }
+
+    /// Remarks on readings that may be drop-outs, and on times that may be numbers of rows.
+    pub fn doubts(&self) -> impl Iterator<Item = String> {
+        self.drop_outs().map(|drop_outs| drop_outs.to_string()).into_iter().chain(self.numbered_rows())
     }
 
     /// Times of all rows, s.

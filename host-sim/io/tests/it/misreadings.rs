@@ -205,7 +205,7 @@ fn numbers_that_can_be_read_in_two_ways_are_a_question() {
 #[test]
 fn readings_out_of_range_are_missing_and_counted() {
     let words = "∞|-∞|OL|-OL|O.L|Overload|OVER|-FFFFFFF|+FFFFFFF|1.#QNAN|-1.#IND|1.#INF|9.9E37|9.91E+37|-9.9e+37|Inf|-inf|Infinity|#DIV/0!|NaN||--|\
-                 n/a|#N/A|null|-nan|-nan(ind)|BAD";
+                 n/a|#N/A|null|-nan|-nan(ind)|OFL|Out of range|>10|< 0.5|********|---.---|-------|BAD";
     // Also in the first row, which shows the columns.
     for (word, first) in words.split('|').flat_map(|word| [(word, 7), (word, 1)]) {
         let mut lines: Vec<String> = below("Time (s);HV (kV);Laser (mm)", usual).lines().map(str::to_owned).collect();
@@ -218,7 +218,7 @@ fn readings_out_of_range_are_missing_and_counted() {
         let displacement = recording.displacement().expect("a laser");
         assert_eq!((displacement.value.len(), recording.time_s().len()), (22, 24), "{word}");
         let counted = recording.notes().iter().any(|note| note.contains("2 readings of \"Laser (mm)\""));
-        let is_plain = ["NaN", "", "--", "n/a", "#N/A", "null", "-nan", "-nan(ind)"].contains(&word);
+        let is_plain = ["NaN", "", "--", "n/a", "#N/A", "null", "-nan", "-nan(ind)", "---.---", "-------"].contains(&word);
         assert_eq!(counted, !is_plain, "{word}: {:?}", recording.notes());
         // In the voltage they are a fault.
         let turned = text.replace("HV (kV);Laser (mm)", "Laser (mm);HV (kV)");

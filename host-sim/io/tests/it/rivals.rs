@@ -78,6 +78,9 @@ fn factors_in_titles_are_a_question() {
         ("HV (V)", "minus Laser (mm)"),
         ("HV (V)", "Laser (neg.) (mm)"),
         ("HV (V)", "abs(Laser) (mm)"),
+        ("HV (V)", "Laser [mm] (2.5 mm/V)"),
+        ("HV (V)", "Laser mm/V (mm)"),
+        ("HV monitor 1V/kV (V)", "Laser (mm)"),
     ] {
         let text = file(["Time (s)", voltage, laser, "T (°C)"], "", [VOLTS, MM, ELSEWHERE]);
         refuses(&text, "", &[if voltage == "HV (V)" { laser } else { voltage }, "`columns`"]);
@@ -92,6 +95,8 @@ fn factors_in_titles_are_a_question() {
         ("Time (s)", "Laser 2 (mm)"),
         ("Time (s)", "Laser x2 (mm)"),
         ("Time (s)", "CH 2 x (mm)"),
+        ("Time (s)", "Laser s/mm"),
+        ("Time/s", "Laser x/mm"),
         ("Time (s)", "Linear variable differential transformer, displacement (mm)"),
         ("Time (s)", "Incremental encoder, displacement (mm)"),
     ] {

@@ -278,6 +278,28 @@ fn minutes_and_hours_in_a_column_of_seconds_are_found() {
     }
 }
 
+/// Numbers of rows in a column of seconds, of cycles at usual rates; not times that no row number is, a slow log, and what a person said.
+#[test]
+fn numbers_of_rows_in_a_column_of_seconds_are_found() {
+    let text = |interval_s: f64, rows_per_cycle: f64, title: &str| {
+        let mut text = format!("{title},voltage_v,displacement_m\n");
+        for k in (1..=600).map(f64::from) {
+            let volts = 1500.0 * (1.0 - (TAU * k / rows_per_cycle).cos());
+            writeln!(text, "{},{volts:.1},{}", interval_s * k, 1e-10 * volts * volts).expect("written");
+        }
+        text
+    };
+    let noted = |text: &str, answer: &str| read(text, answer).expect("read").remarks().join("\n");
+    for (interval_s, rows_per_cycle, title) in [(1.0, 50.0, "time_s"), (1.0, 100.0, "Time (s)"), (2.0, 80.0, "t/s")] {
+        let text = text(interval_s, rows_per_cycle, title);
+        has(&noted(&text, ""), &["numbers of the rows", "`rate_hz`", "time=1:s"]);
+        assert_eq!(noted(&text, "time=1:s"), "");
+    }
+    for (interval_s, rows_per_cycle, title) in [(1.0, 20.0, "time_s"), (0.5, 100.0, "time_s"), (20.0, 50.0, "time_ms")] {
+        assert_eq!(noted(&text(interval_s, rows_per_cycle, title), ""), "", "{interval_s} {rows_per_cycle}");
+    }
+}
+
 /// Millimetres in a column of micrometres.
 #[test]
 fn millimetres_in_a_column_of_micrometres_are_found() {

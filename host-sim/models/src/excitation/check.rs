@@ -80,8 +80,7 @@ pub fn check(recordings: &[Recording]) -> Report {
 /// Values that are implausible, before what results from them, and what the reader left out.
 fn of_values(recording: &Recording, findings: &mut Vec<Finding>) {
     let implausible = recording.implausible().into_iter().map(|finding| (Prevents, finding));
-    let drop_outs = recording.drop_outs().map(|drop_outs| drop_outs.to_string());
-    let notes = recording.notes().iter().cloned().chain(drop_outs).map(|note| (Weakens, note));
+    let notes = recording.notes().iter().cloned().chain(recording.doubts()).map(|note| (Weakens, note));
     let file = shown(recording.path());
     findings.extend(implausible.chain(notes).map(|(severity, finding)| Finding {
         severity,
@@ -343,8 +342,7 @@ fn judge_as_fit(recording: &Recording, direction: Direction, add: &mut impl FnMu
                     fit::Severity::Caution | fit::Severity::Note => Weakens,
                 };
                 // The finding names its file by itself.
-                let name = recording.path().file_name().unwrap_or_default().to_string_lossy();
-                let text = warning.text.strip_prefix(&*name).and_then(|text| text.strip_prefix(": "));
+                let text = warning.text.strip_prefix(&shown(recording.path())).and_then(|text| text.strip_prefix(": "));
                 add(severity, text.unwrap_or(&warning.text).to_owned(), "");
             }
         }

@@ -10,7 +10,7 @@ use super::preparation::{
     saturation, slack, turned,
 };
 use super::readings::Reading;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, shown};
 use crate::files::recording::{Direction, Input, Recording};
 use crate::grid::Samples;
 use crate::sampling;
@@ -19,7 +19,7 @@ use crate::statistics::{change, differences, mean, median, range, sorted};
 /// A recording as a fit uses it.
 #[derive(Clone, Debug)]
 pub struct Observation {
-    /// Name of the recording.
+    /// Path of the recording, or its name where it is no file.
     pub name: String,
     /// Input of the model.
     pub input: Input,
@@ -78,7 +78,7 @@ pub fn observe_prepared(
     check(path, direction, &measured, drive)?;
     let steps: Vec<f64> = differences(&drive.time_s).collect();
     let median_step_s = median(&steps);
-    let name = name(recording);
+    let name = shown(path);
     let (rate_hz, uneven) = rate(&steps, median_step_s, drive);
     let rate_hz = rate_hz * steps_per_row(&load(&input), 1.0 / rate_hz, drive);
     let gap = if preparation.gaps == Gaps::Interpolate {
@@ -104,14 +104,10 @@ pub fn observe_prepared(
     Ok((Observation { name, input, measured, rate_hz, weight, sample_weights, reading, temperature_c }, warnings))
 }
 
-fn name(recording: &Recording) -> String {
-    recording.path().file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
 /// Warnings of what the reader remarks on a `recording`.
 pub fn remarks(recording: &Recording) -> impl Iterator<Item = Warning> {
     let remarks = recording.remarks().into_iter();
-    remarks.map(|remark| Severity::Caution.warning(format!("{}: {remark}", name(recording))))
+    remarks.map(|remark| Severity::Caution.warning(format!("{}: {remark}", shown(recording.path()))))
 }
 
 /// The observations of all `recordings` with weight 1, as of one temperature, without the warnings.
@@ -177,6 +173,11 @@ fn rate(steps: &[f64], median_step_s: f64, drive: &Samples) -> (f64, Option<Stri
 }
 
 impl Observation {
+    /// The file name of the recording.
+    pub fn file_name(&self) -> String {
+        Path::new(&self.name).file_name().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
     /// The same without its temperature, for models that know none.
     #[must_use]
     pub fn at_one_temperature(self) -> Self {

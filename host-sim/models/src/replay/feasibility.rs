@@ -34,6 +34,8 @@ pub struct Feasibility {
     pub lowest_force_n: f64,
     /// Largest voltage that is needed, V.
     pub largest_voltage_v: f64,
+    /// Displacement of its first sample, m. A film at rest is at 0: any other needs a jump.
+    pub first_m: f64,
     /// Lowest displacement of the reference after its first 2 s, m.
     pub low_m: f64,
     /// Highest displacement after the first 2 s, m.
@@ -162,6 +164,7 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
         first_s: first.map(|k| grid.time_s(k)),
         lowest_force_n: demand.force.iter().copied().fold(f64::INFINITY, f64::min),
         largest_voltage_v: voltage_v.iter().copied().fold(0.0, f64::max),
+        first_m: reference[0],
         low_m,
         high_m,
         least_offset_m,

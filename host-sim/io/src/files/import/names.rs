@@ -177,7 +177,8 @@ fn is_scaled(name: &str) -> bool {
             let product = part.split(['*', '×', '·']).any(|side| is_product && is_other(side));
             // In `CH 2/mm` the number is the channel's.
             let is_divided = part.contains('/')
-                && (part.split('/').any(|side| number(side).is_some()) || part.split('/').skip(1).any(is_other));
+                && (part.split('/').any(|side| number(side).is_some()) || part.split('/').skip(1).any(is_other))
+                || is_ratio(part);
             // A second laser is x2.
             let is_large =
                 |factor: &str| number(factor).is_some() || factor.parse::<u32>().is_ok_and(|factor| factor > 2);
@@ -185,6 +186,14 @@ fn is_scaled(name: &str) -> bool {
             let is_factor = parts.len() > 1 && factor.is_some_and(is_large);
             ratio || product || is_divided || is_factor
         })
+}
+
+/// Whether `part` is what one unit of a signal is worth: 2.5mm/V, mm/V or 1V/kV, but not s/mm and V/kV, a symbol in front of its unit.
+fn is_ratio(part: &str) -> bool {
+    let Some((value, unit)) = part.split_once('/') else { return false };
+    let bare = value.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.');
+    let is_symbol = value == bare && (bare.chars().count() == 1 || letter_quantity(bare).is_some());
+    !is_symbol && [bare, unit].iter().all(|text| units::read(text, false).is_some())
 }
 
 /// The words of `name` in small letters, also those that begin with a capital within a word.

@@ -47,8 +47,8 @@ impl Cell<'_> {
 }
 
 /// Words of instruments and spreadsheets for a reading that is missing or out of range, in small letters and without a sign.
-const OUT_OF_RANGE: &str = "∞ inf infinity ol o.l. o.l ovl ovld ovr over overload overrange overflow underflow fffffff 1.#qnan 1.#ind 1.#inf \
-    1.#snan #div/0! #value! #num! #ref! ***** invalid err error";
+const OUT_OF_RANGE: &str = "∞ inf infinity ol o.l. o.l ovl ovld ovr over overload overrange ofl overflow underflow fffffff 1.#qnan 1.#ind 1.#inf \
+    1.#snan #div/0! #value! #num! #ref! invalid err error";
 
 /// Numbers that instruments send for infinity and for no number (SCPI).
 const SCPI: std::ops::RangeInclusive<f64> = 9.9e37..=9.91e37;
@@ -62,9 +62,16 @@ pub fn cell(text: &str, decimal: Decimal) -> Cell<'_> {
         None => {}
     }
     match text.to_lowercase().as_str() {
-        "" | "nan" | "-nan" | "nan(ind)" | "-nan(ind)" | "na" | "n/a" | "#n/a" | "null" | "none" | "-" | "--"
-        | "---" => Cell::Nothing,
+        "" | "nan" | "-nan" | "nan(ind)" | "-nan(ind)" | "na" | "n/a" | "#n/a" | "null" | "none" => Cell::Nothing,
+        // Digits that a display does not show.
+        dashes if dashes.bytes().all(|byte| matches!(byte, b'-' | b'.')) && dashes.contains('-') => Cell::Nothing,
+        stars if stars.bytes().all(|byte| byte == b'*') => Cell::OutOfRange,
         other if is_of(OUT_OF_RANGE, other.trim_start_matches(['+', '-', '>', '<'])) => Cell::OutOfRange,
+        "out of range" => Cell::OutOfRange,
+        // Beyond the end of a range: >10.
+        beyond if beyond.strip_prefix(['<', '>']).is_some_and(|end| number(end.trim(), decimal).is_some()) => {
+            Cell::OutOfRange
+        }
         _ => Cell::Text(text),
     }
 }

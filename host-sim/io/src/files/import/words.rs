@@ -37,7 +37,7 @@ pub(super) const OTHER_WORDS: &[(Quantity, &str)] =
     &[(Quantity::Stretch, "stretch lambda λ"), (Quantity::Stress, "stress zugspannung contrainte")];
 
 /// Words for the displacement of a machine or a stage.
-pub(super) const MACHINES: &str = "position extensometer extension elongation travel weg standardweg traversenweg poloha pozycja konum posizione posição posición 位置";
+pub(super) const MACHINES: &str = "position extensometer extension elongation travel weg standardweg traversenweg traverse crosshead poloha pozycja konum posizione posição posición 位置";
 
 /// Words that name which of an amplifier's two voltages a column is.
 pub(super) const OF_TWO_VOLTAGES: &[(Quantity, &str)] = &[
@@ -63,7 +63,7 @@ pub(super) const OTHER_UNITS: &str = "count counts cts digit digits pulse pulses
 /// Words of a factor.
 pub(super) const FACTORS: &str = "tenth tenths hundredth hundredths hundred hundreds thousand thousands zehntel hundertstel tausendstel dixième \
     dixièmes centième centièmes décima décimas fold fach \
-    half halved double doubled twice hälfte halb halbe doppelt doble mitad moitié";
+    half semi halved double doubled twice hälfte halb halbe doppelt doble mitad moitié";
 
 /// Letters that name a quantity where they are all of a name.
 pub(super) const LETTERS: &[(Quantity, &str)] = &[
@@ -76,7 +76,7 @@ pub(super) const LETTERS: &[(Quantity, &str)] = &[
 /// Parts of words for what was asked for. Those of five letters and more are found within words too, as German joins them.
 pub(super) const ORDERED: &str = "target tgt referenc référenc referenz ref riferiment setpoint setpt sp set setting limit lim demand program \
     prog stage command cmd desired wanted request preset nominal goal ideal ceiling ovp ctrl ao xd des desir \
-    planned trajectory profile control compliance trip threshold alarm interlock breakdown generator dac motor \
+    planned intended ordered waveform arb awg trajectory profile control compliance trip threshold alarm interlock breakdown generator dac motor \
     soll sollwert vorgab grenz führungs 参考 wunsch ziel nenn stell consign cible objetivo desead impost obiettivo \
     richiest desiderat doel gewenst börvärd zadan žádan inställ ingesteld nastaw előírt \
     ajustad hedef задан referênc 设定 設定 目标 目標 给定 指令 指定";
@@ -86,7 +86,7 @@ pub(super) const DERIVED: &str = "rms eff effekti efficac eficaz filter filtr sm
     stdev sigma varian error err deviation dev abweich fehler schlepp residu theor théor model fem simul predict \
     filt estimat est pred sim hat interp lp 理論 理论 推定 估计 预测 預測 予測 仿真 模拟 滤波 濾波 \
     geschätzt expected calc comput berechnet fit fitted detrend normaliz normalis normier interpol \
-    corrected offset zero tare ripple noise ac range scale gain amplitude envelope delta drift cumul squared \
+    corr corrected shifted delayed lagged prev offset zero tare ripple noise ac range scale gain amplitude envelope delta drift cumul squared \
     resolution auflösung uncertain unsicher uncalibrated unkalibriert initial reversed inverted inv negated neg negative negativ minus abs differenc differenz \
     fft log log10 sqrt velocity \
     travelled traveled accumul path zurückgelegt increments dvoltage hex geschwindigkeit 速度 误差 誤差 平均 最大 最小 有效 実効 峰值";
