@@ -44,7 +44,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let path = &arguments.test;
     let test = MaterialTest::read(path, &arguments.reading.hints())?;
     recordings::report_understood(&test.understood);
-    terminal::warnings(false, test.doubt().map(|doubt| format!("{}: {}", shown(path), with_flags(&doubt))));
+    terminal::warnings(
+        false,
+        test.doubt(arguments.length).map(|doubt| format!("{}: {}", shown(path), with_flags(&doubt))),
+    );
     let (displacement, force) =
         (test.displacement_m(arguments.length, arguments.strain)?, test.force_n(arguments.area)?);
     output::write_columns(

@@ -195,13 +195,18 @@ fn verdict(check: &Feasibility) -> Vec<String> {
             "a film only moves to positive displacements, and the reference only to negative ones: change its sign, or add an offset to it".into(),
         ),
         // No offset ends a jump.
-        _ if check.binding.iter().any(|binding| binding.at_s == 0.0) && check.first_m != 0.0 => Some(format!(
+        _ if check.binding.iter().any(|binding| binding.at_s == 0.0) && jumps(check) => Some(format!(
             "the reference begins at {:.3} mm, and a film at rest is at 0: let the reference rise from 0, in 2 s or more",
             mm * check.first_m
         )),
         _ => Some("neither an offset nor a smaller stroke makes it feasible: it must be slower".into()),
     });
     lines
+}
+
+/// Whether the reference begins with a jump, of more than the noise of a recording.
+fn jumps(check: &Feasibility) -> bool {
+    check.first_m.abs() > 0.01 * (check.high_m - check.low_m)
 }
 
 /// Reference and model, their difference, and the voltage.

@@ -149,10 +149,23 @@ impl MaterialTest {
         Ok(Self { time_s: table.time_s, understood, deformation, load })
     }
 
-    /// The doubt about a test that does not begin near the unstretched length, from which displacements count.
+    /// The doubt about a test that does not begin near the unstretched length, from which displacements count, of a body of `length_m` where
+    /// that is known.
     #[must_use]
-    pub fn doubt(&self) -> Option<String> {
-        let Deformation::Stretch(stretch) = &self.deformation else { return None };
+    pub fn doubt(&self, length_m: Option<f64>) -> Option<String> {
+        let stretch = match &self.deformation {
+            Deformation::Stretch(stretch) => stretch,
+            Deformation::Displacement(displacement) => {
+                let first =
+                    displacement.first().zip(length_m).filter(|(first, length)| **first > MAX_FIRST_STRAIN * length);
+                return first.map(|(first, length)| {
+                    format!(
+                        "the first displacement is {first} m of a body of {length} m: the length of the body, or the separation of the grips? \
+                         Displacements count from the unstretched length: subtract it"
+                    )
+                });
+            }
+        };
         let first = stretch.first().filter(|first| (*first - 1.0).abs() > MAX_FIRST_STRAIN)?;
         Some(format!(
             "the first stretch is {first}, where a body at rest has 1, from which the displacements count: of a prestretched film divide \

@@ -60,15 +60,12 @@ impl Recording {
             values.sort_by(f64::total_cmp);
             values
         };
-        let ends = |values: &[f64]| Some((*values.first()?, *values.last()?));
-        let largest = |values: &[f64]| ends(values).map_or(0.0, |(low, high)| if high > -low { high } else { low });
         // Codes have a line of their own.
         let mut found: Vec<String> = self.coded_drive().into_iter().collect();
         let is_coded = !found.is_empty();
         let voltage = if is_coded { 0.0 } else { largest(&values(Quantity::Voltage)) };
-        if voltage.abs() > *VOLTAGE_V.end() {
-            let unit = self.smaller(Quantity::Voltage);
-            found.push(format!("the largest voltage is {} V{}", rounded(voltage), unit));
+        if let Some(excessive) = self.excessive_voltage().filter(|_| !is_coded) {
+            found.push(excessive);
         } else if voltage != 0.0 && voltage.abs() < *VOLTAGE_V.start() {
             let column = self.origin(Quantity::Voltage).map_or(0, |column| column.column);
             found.push(format!(
@@ -115,6 +112,13 @@ impl Recording {
         }
         found.extend(self.implausible_times());
         found
+    }
+
+    /// The remark on a voltage that no film has.
+    pub fn excessive_voltage(&self) -> Option<String> {
+        let voltage = largest(&self.values(Quantity::Voltage)?);
+        let unit = || self.smaller(Quantity::Voltage);
+        (voltage.abs() > *VOLTAGE_V.end()).then(|| format!("the largest voltage is {} V{}", rounded(voltage), unit()))
     }
 
     /// The remark on a recording without a response while columns were ignored, or with a displacement that never changes.
@@ -231,6 +235,11 @@ impl Recording {
         let column = self.origin(Quantity::Displacement).filter(|column| column.by != By::Choice)?;
         SMALLER.iter().find(|(_, smaller)| *smaller == column.unit).map(|(unit, _)| *unit)
     }
+}
+
+/// The value of the largest size, with its sign; 0 without any.
+fn largest(values: &[f64]) -> f64 {
+    values.iter().copied().fold(0.0, |largest, value| if value.abs() > f64::abs(largest) { value } else { largest })
 }
 
 /// How often `values` cross the middle of their range, by a quarter of it to either side.

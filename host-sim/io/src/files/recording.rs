@@ -289,7 +289,10 @@ impl Recording {
     /// All remarks on its rows: the notes, values that are implausible, and drop-outs.
     pub fn remarks(&self) -> Vec<String> {
         // A handful of rows is no measurement, and the fault of its file is reported alone.
-        let implausible = if self.time_s.len() < MIN_ROWS { Vec::new() } else { self.implausible() };
+        let implausible = match self.time_s.len() {
+            0..MIN_ROWS => self.excessive_voltage().into_iter().collect(),
+            _ => self.implausible(),
+        };
         self.notes().iter().cloned().chain(implausible).chain(self.doubts()).collect()
     }
 

@@ -218,7 +218,8 @@ fn readings_out_of_range_are_missing_and_counted() {
         let displacement = recording.displacement().expect("a laser");
         assert_eq!((displacement.value.len(), recording.time_s().len()), (22, 24), "{word}");
         let counted = recording.notes().iter().any(|note| note.contains("2 readings of \"Laser (mm)\""));
-        let is_plain = ["NaN", "", "--", "n/a", "#N/A", "null", "-nan", "-nan(ind)", "---.---", "-------"].contains(&word);
+        let is_plain =
+            ["NaN", "", "--", "n/a", "#N/A", "null", "-nan", "-nan(ind)", "---.---", "-------"].contains(&word);
         assert_eq!(counted, !is_plain, "{word}: {:?}", recording.notes());
         // In the voltage they are a fault.
         let turned = text.replace("HV (kV);Laser (mm)", "Laser (mm);HV (kV)");

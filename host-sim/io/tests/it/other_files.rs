@@ -112,3 +112,18 @@ fn what_is_not_read_here_is_refused_with_what_is() {
     let error = test(&machine("Time (s);a;b", |k| [k, k]), "").expect_err("no names").to_string();
     has(&error, &["no column stretch or displacement_m", "stretch=NUMBER"]);
 }
+
+/// A stress of the stretched cross-section is a question, and lengths are not displacements.
+#[test]
+fn true_stresses_and_lengths_of_a_specimen_are_noticed() {
+    for title in ["True stress [MPa]", "Cauchy stress (MPa)", "σ true stress/MPa"] {
+        let error = test(&machine(&format!("Time (s);Stretch;{title}"), |k| [1.0 + 0.02 * k, 0.01 * k]), "");
+        has(&error.expect_err(title).to_string(), &["may be computed", "stress=3"]);
+    }
+    for (first_mm, is_doubted) in [(100.0, true), (2.0, false)] {
+        let text = machine("Time (s);Grip separation (mm);Load (N)", |k| [first_mm + 2.0 * k, 0.1 * k]);
+        let test = test(&text, "").expect("read");
+        assert_eq!(test.doubt(Some(0.1)).is_some_and(|doubt| doubt.contains("the length of the body")), is_doubted);
+        assert_eq!(test.doubt(None), None);
+    }
+}

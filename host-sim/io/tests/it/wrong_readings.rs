@@ -290,12 +290,14 @@ fn numbers_of_rows_in_a_column_of_seconds_are_found() {
         text
     };
     let noted = |text: &str, answer: &str| read(text, answer).expect("read").remarks().join("\n");
+    has(&noted("time_s,voltage_kv\n0,0\n5,6000\n", ""), &["the largest voltage is 6000000 V", "voltage=2:V"]);
     for (interval_s, rows_per_cycle, title) in [(1.0, 50.0, "time_s"), (1.0, 100.0, "Time (s)"), (2.0, 80.0, "t/s")] {
         let text = text(interval_s, rows_per_cycle, title);
         has(&noted(&text, ""), &["numbers of the rows", "`rate_hz`", "time=1:s"]);
         assert_eq!(noted(&text, "time=1:s"), "");
     }
-    for (interval_s, rows_per_cycle, title) in [(1.0, 20.0, "time_s"), (0.5, 100.0, "time_s"), (20.0, 50.0, "time_ms")] {
+    for (interval_s, rows_per_cycle, title) in [(1.0, 20.0, "time_s"), (0.5, 100.0, "time_s"), (20.0, 50.0, "time_ms")]
+    {
         assert_eq!(noted(&text(interval_s, rows_per_cycle, title), ""), "", "{interval_s} {rows_per_cycle}");
     }
 }

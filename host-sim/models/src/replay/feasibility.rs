@@ -141,8 +141,9 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
     let amplifier_follows =
         amplifier.is_none_or(|asked| asked.falls_too_fast_s.is_none() && asked.leads_too_high_s.is_none());
     let first = (0..reference.len()).find(|&k| below[k] || above[k]);
-    let settled = ((RISE_S * grid.rate_hz) as usize).min(reference.len() - 1);
-    let (low_m, high_m) = range(&reference[settled..]);
+    // All of a reference that ends before.
+    let settled = Some((RISE_S * grid.rate_hz) as usize).filter(|settled| settled + 1 < reference.len());
+    let (low_m, high_m) = range(&reference[settled.unwrap_or(0)..]);
     // One that is held has no swing.
     let swing_m = if high_m > low_m { high_m - low_m } else { high_m.abs() };
     let least = demand.least_offset(&below, low_m, high_m);

@@ -3,7 +3,7 @@
 use super::units::{self, Unit};
 use super::words::{
     DEGREES, DERIVED, DRIVEN, ELSEWHERE, FACTORS, LETTERS, MACHINES, NO_CELSIUS, NO_TIMES, OF_TWO_VOLTAGES, ORDERED,
-    OTHER_UNITS, OTHER_WORDS, SIZES, STEPS, TEMPERATURES, WORDS, is_of,
+    OTHER_UNITS, OTHER_WORDS, SIZES, STEPS, TEMPERATURES, TRUE_STRESS, WORDS, is_of,
 };
 use super::{Names, Quantity, Request};
 
@@ -103,6 +103,7 @@ impl Doubt {
         let is_derived = match quantity {
             Some(Quantity::Time) => says(NO_TIMES) || says(STEPS),
             None => says(DERIVED) || says(STEPS),
+            Some(Quantity::Stress) => says(DERIVED) || says(TRUE_STRESS),
             Some(_) => says(DERIVED),
         };
         // Not a differential probe.

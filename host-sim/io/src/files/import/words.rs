@@ -90,6 +90,8 @@ pub(super) const DERIVED: &str = "rms eff effekti efficac eficaz filter filtr sm
     resolution auflösung uncertain unsicher uncalibrated unkalibriert initial reversed inverted inv negated neg negative negativ minus abs differenc differenz \
     fft log log10 sqrt velocity \
     travelled traveled accumul path zurückgelegt increments dvoltage hex geschwindigkeit 速度 误差 誤差 平均 最大 最小 有效 実効 峰值";
+/// Words for the stress of the stretched cross-section, which is computed from that of the unstretched one.
+pub(super) const TRUE_STRESS: &str = "true cauchy wahre vraie";
 /// Words for the time from one row to the next.
 pub(super) const STEPS: &str = "interval intervall dt";
 /// Further words for times that are not those of the rows.
