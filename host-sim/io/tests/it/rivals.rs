@@ -85,6 +85,15 @@ fn factors_in_titles_are_a_question() {
         let text = file(["Time (s)", voltage, laser, "T (°C)"], "", [VOLTS, MM, ELSEWHERE]);
         refuses(&text, "", &[if voltage == "HV (V)" { laser } else { voltage }, "`columns`"]);
     }
+    let names = ["Time (s)", "HV (V)", "Laser (mm)", "T (°C)"];
+    for above in ["HV divider 2000:1", "Scale: HV x1000", "Laser 1:10", "# Laser (x10)"] {
+        let recording = read(file(names, &format!("{above}\n"), [VOLTS, MM, ELSEWHERE]), "").expect(above);
+        has(&recording.notes().join("; "), &["line 1", "not applied", "`columns`"]);
+    }
+    for above in ["Time 10:01", "Laser ILD1420-10", "HV probe 1", "Gear 1:10", "CH1: HV"] {
+        let recording = read(file(names, &format!("{above}\n"), [VOLTS, MM, ELSEWHERE]), "").expect(above);
+        assert!(!recording.notes().iter().any(|note| note.contains("not applied")), "{above}");
+    }
     for time in ["Time 5 ms", "Time 1e-3 s", "Time in steps of 5 ms"] {
         let text = file([time, "HV (V)", "Laser (mm)", "T (°C)"], "", [VOLTS, MM, ELSEWHERE]);
         refuses(&text, "", &[time, "`columns` time=1"]);

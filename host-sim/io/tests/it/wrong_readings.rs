@@ -278,7 +278,7 @@ fn minutes_and_hours_in_a_column_of_seconds_are_found() {
     }
 }
 
-/// Numbers of rows in a column of seconds, of cycles at usual rates; not times that no row number is, a slow log, and what a person said.
+/// Numbers of rows in a column of seconds, of cycles at usual rates; not times that no row number is, a slow log, and a unit that is given.
 #[test]
 fn numbers_of_rows_in_a_column_of_seconds_are_found() {
     let text = |interval_s: f64, rows_per_cycle: f64, title: &str| {

@@ -123,3 +123,16 @@ fn motion_between_steps_and_gaps_are_remarked() {
         assert!(remarks.len() == 1 && remarks[0].contains("a gap of"), "{draw}: {remarks:?}");
     }
 }
+
+/// One that ends before an offset has risen is judged as a whole, and one that does not begin at 0 shows where it begins.
+#[test]
+fn short_references_and_jumps_are_seen() {
+    let (film, grid) = (film(), Grid { rate_hz: RATE_HZ, samples: 1001 });
+    let check = |value: &dyn Fn(f64) -> f64| {
+        let reference: Vec<f64> = grid.times_s().into_iter().map(value).collect();
+        feasibility::check(&film, &reference, grid, &LIMITS).expect("a check")
+    };
+    let short = check(&|t| 1e-3 * minimum_jerk(2.0 * t) * minimum_jerk(2.0 - 2.0 * t));
+    assert!(short.low_m.abs() < 1e-9 && short.high_m > 0.9e-3 && short.first_m == 0.0, "{short:?}");
+    assert_eq!(check(&|_| 1e-3).first_m, 1e-3);
+}

@@ -1,6 +1,7 @@
 //! The header above rows of numbers: preamble, names, units.
 
 use super::beginnings::Beginnings;
+use super::factors;
 use super::interval::{self, Stated};
 use super::lines::Fault;
 use super::names::{Title, UnitSense, unit_cell};
@@ -178,6 +179,8 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
         }
     }
     (head.line, head.preamble) = (row.line, index);
+    let states_factor = |above: &&TopRow| above.line < row.line && factors::states_factor(&above.cells.join(" "));
+    head.gains = head.gains.or_else(|| above.iter().find(states_factor).map(|above| above.line));
     Ok(head)
 }
 

@@ -15,6 +15,7 @@ mod doubts;
 mod edit;
 mod encoding;
 mod extract;
+mod factors;
 mod fractions;
 mod header;
 mod interval;

@@ -1,8 +1,9 @@
 //! Titles of columns: what is measured, and in which unit.
 
+use super::factors::{is_factor, is_scaled};
 use super::units::{self, Unit};
 use super::words::{
-    DEGREES, DERIVED, DRIVEN, ELSEWHERE, FACTORS, LETTERS, MACHINES, NO_CELSIUS, NO_TIMES, OF_TWO_VOLTAGES, ORDERED,
+    DEGREES, DERIVED, DRIVEN, ELSEWHERE, LETTERS, MACHINES, NO_CELSIUS, NO_TIMES, OF_TWO_VOLTAGES, ORDERED,
     OTHER_UNITS, OTHER_WORDS, SIZES, STEPS, TEMPERATURES, TRUE_STRESS, WORDS, is_of,
 };
 use super::{Names, Quantity, Request};
@@ -142,63 +143,8 @@ fn is_negated(name: &str) -> bool {
     behind.is_some_and(|name| name.trim_start().starts_with(char::is_alphabetic))
 }
 
-/// Whether `word` is a factor such as x2.
-fn is_factor(word: &str) -> bool {
-    let number = word.strip_prefix('x').or_else(|| word.strip_suffix('x'));
-    number.is_some_and(|number| number.parse::<u32>().is_ok_and(|number| number > 1))
-}
-
-/// Whether `name` has a factor or a power in it: x10, (x2), 2 x, x 10, ×1000, 2*, /100, ^2, 1000:1, 1 V = 5 mm, % of 5 mm, tenths of mm or 10fach.
-fn is_scaled(name: &str) -> bool {
-    let begins_in_number = |word: &str| word.starts_with(|c: char| c.is_ascii_digit());
-    let words = words(name);
-    let is_multiple = |word: &String| {
-        is_of(FACTORS, word) || (begins_in_number(word) && (word.ends_with("fach") || word.ends_with("fold")))
-    };
-    let is_times = |pair: &[String]| matches!(pair[0].as_str(), "times" | "mal" | "fois") && begins_in_number(&pair[1]);
-    if name.contains(['=', '%', '÷', '≙']) || words.iter().any(is_multiple) || words.windows(2).any(is_times) {
-        return true;
-    }
-    let number = |text: &str| text.parse::<f64>().ok().filter(|_| text.len() > 1 && text != "1.0");
-    let is_other = |text: &str| text.parse::<f64>().is_ok_and(|number| number != 1.0);
-    let parts: Vec<&str> =
-        name.split(|c: char| c.is_whitespace() || "()[]{},;_".contains(c)).filter(|p| !p.is_empty()).collect();
-    let is_apart = |pair: &[&str]| matches!(pair[0], "x" | "X" | "×" | "·" | "*" | "/") && is_other(pair[1]);
-    let is_first = matches!(parts.as_slice(), [first, "x" | "X" | "×", _, ..] if is_other(first));
-    let is_in_brackets = || without_brackets(name).1.iter().any(|text| is_factor(&text.trim().to_lowercase()));
-    name.contains('^')
-        || is_first
-        || is_in_brackets()
-        || parts.windows(2).any(is_apart)
-        || parts.iter().any(|part| {
-            let factor = part.strip_prefix(['x', 'X', '×']).or_else(|| part.strip_suffix(['x', 'X', '×']));
-            let ratio =
-                part.split_once(':').is_some_and(|(a, b)| a != b && [a, b].iter().all(|p| p.parse::<f64>().is_ok()));
-            let is_product = part.contains(['*', '×', '·']);
-            let product = part.split(['*', '×', '·']).any(|side| is_product && is_other(side));
-            // In `CH 2/mm` the number is the channel's.
-            let is_divided = part.contains('/')
-                && (part.split('/').any(|side| number(side).is_some()) || part.split('/').skip(1).any(is_other))
-                || is_ratio(part);
-            // A second laser is x2.
-            let is_large =
-                |factor: &str| number(factor).is_some() || factor.parse::<u32>().is_ok_and(|factor| factor > 2);
-            // Alone, x10 is the tenth of them.
-            let is_factor = parts.len() > 1 && factor.is_some_and(is_large);
-            ratio || product || is_divided || is_factor
-        })
-}
-
-/// Whether `part` is what one unit of a signal is worth: 2.5mm/V, mm/V or 1V/kV, but not s/mm and V/kV, a symbol in front of its unit.
-fn is_ratio(part: &str) -> bool {
-    let Some((value, unit)) = part.split_once('/') else { return false };
-    let bare = value.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.');
-    let is_symbol = value == bare && (bare.chars().count() == 1 || letter_quantity(bare).is_some());
-    !is_symbol && [bare, unit].iter().all(|text| units::read(text, false).is_some())
-}
-
 /// The words of `name` in small letters, also those that begin with a capital within a word.
-fn words(name: &str) -> Vec<String> {
+pub(super) fn words(name: &str) -> Vec<String> {
     let mut words = Vec::new();
     for word in name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()) {
         words.push(word.to_lowercase());
@@ -426,7 +372,7 @@ fn ends_in_factor(name: &str, unit: UnitSense) -> bool {
 }
 
 /// Text outside of brackets, and inside of each pair.
-fn without_brackets(title: &str) -> (String, Vec<String>) {
+pub(super) fn without_brackets(title: &str) -> (String, Vec<String>) {
     let (mut outside, mut inside) = (String::new(), Vec::new());
     let mut open: Option<(char, String)> = None;
     for letter in title.chars() {
@@ -455,7 +401,7 @@ fn without_brackets(title: &str) -> (String, Vec<String>) {
 }
 
 /// The quantity of a name of one letter.
-fn letter_quantity(name: &str) -> Option<Quantity> {
+pub(super) fn letter_quantity(name: &str) -> Option<Quantity> {
     let name = name.trim().to_lowercase();
     LETTERS.iter().find(|(_, letters)| is_of(letters, &name)).map(|(quantity, _)| *quantity)
 }
@@ -467,7 +413,7 @@ fn quantity_in(name: &str, unit: Option<Unit>, request: &Request<'_>) -> Option<
 }
 
 /// The quantity that the words of `name` mean in a file of `request`.
-fn quantity(name: &str, request: &Request<'_>) -> Option<Quantity> {
+pub(super) fn quantity(name: &str, request: &Request<'_>) -> Option<Quantity> {
     if name.trim().to_lowercase() == "weight" {
         return Some(Quantity::Weight);
     }
