@@ -102,7 +102,7 @@ impl Reference {
     pub fn on(&self, grid: Grid) -> Result<Vec<f64>> {
         let Self { low_m, high_m, period_s, rise_s, .. } = *self;
         for (option, value_m) in [("low_m", low_m), ("high_m", high_m)] {
-            if !(value_m.abs() < MAX_REACH_M) {
+            if !value_m.is_finite() || value_m.abs() >= MAX_REACH_M {
                 let cause = format!("{value_m:?} m is no stroke of a film; if it is in millimetres, write {value_m}mm");
                 return Err(Error::field(option, cause));
             }
