@@ -71,48 +71,34 @@ pub struct Moment {
 }
 
 /// Reason to go to 0 V without a request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Ended {
     /// The page in control has drawn nothing new: hidden, closed, killed, or its connection is gone.
+    #[error("the page in control was not seen any more (hidden, closed, or disconnected)")]
     Unseen,
     /// The computer slept, or this tool was held up.
+    #[error("this computer slept, or was held up")]
     Paused,
 }
 
-impl fmt::Display for Ended {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Unseen => "the page in control was not seen any more (hidden, closed, or disconnected)",
-            Self::Paused => "this computer slept, or was held up",
-        })
-    }
-}
-
 /// Why a request is not obeyed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Denied {
     /// Another page is in control, or none.
+    #[error("this page is not in control: take control first, while the film is disarmed")]
     Control,
     /// The request was sent before, or is overtaken by a later one.
+    #[error("the request came twice or too late")]
     Repeated,
     /// The request belongs to an arming that has ended.
+    #[error("that arming has ended: arm again")]
     Arming,
     /// The page does not show what happens.
+    #[error("the page does not show the present state: is its window in sight?")]
     Unseen,
     /// The film is enabled.
+    #[error("not while the film is armed: stop it first")]
     Live,
-}
-
-impl fmt::Display for Denied {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Control => "this page is not in control: take control first, while the film is disarmed",
-            Self::Repeated => "the request came twice or too late",
-            Self::Arming => "that arming has ended: arm again",
-            Self::Unseen => "the page does not show the present state: is its window in sight?",
-            Self::Live => "not while the film is armed: stop it first",
-        })
-    }
 }
 
 /// Permission to do one thing: void once anything was stopped, or another page is in control.
