@@ -1,7 +1,11 @@
 //! Agreement of a model with a measurement.
 
+use std::path::Path;
+
 use serde::Serialize;
 
+use crate::error::shown;
+use crate::files::recording::Direction;
 use crate::statistics::{mean, range};
 
 /// Measures of agreement between measured and modelled samples.
@@ -35,6 +39,35 @@ impl Agreement {
             rmse,
             samples,
         }
+    }
+}
+
+/// A recording's agreement, as reports state it.
+#[derive(Serialize)]
+pub struct RecordingAgreement {
+    /// The recording's file.
+    pub file: String,
+    /// R² (Eq. 14).
+    pub r2: f64,
+    /// NRMSE, % of peak to peak.
+    pub nrmse_pct: f64,
+    /// RMS of the difference where displacement is the output, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rmse_m: Option<f64>,
+    /// RMS of the difference where force is the output, N.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rmse_n: Option<f64>,
+    /// Number of measured values.
+    pub samples: usize,
+}
+
+impl RecordingAgreement {
+    /// The `agreement` with the recording in `file`, whose input is in this `direction`.
+    pub fn new(file: &Path, direction: Direction, agreement: &Agreement) -> Self {
+        let Agreement { r2, nrmse_pct, rmse, samples } = *agreement;
+        let rmse_for = |which| (direction == which).then_some(rmse);
+        let (rmse_m, rmse_n) = (rmse_for(Direction::Force), rmse_for(Direction::Displacement));
+        Self { file: shown(file), r2, nrmse_pct, rmse_m, rmse_n, samples }
     }
 }
 

@@ -14,6 +14,7 @@ use super::following::{Followed, Following, REFITTED_FILM, SIMULATED_FILM, Sine}
 use super::prelude::*;
 use super::recordings::RecordingOptions;
 use super::{bench, feedforward as feedforward_command, options, replay};
+use crate::agreement::RecordingAgreement;
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::{FitReport, Settings, observation};
@@ -242,7 +243,7 @@ fn replayed(recordings: &[Recording], parameters: &Parameters) -> Result<replay:
         let about = |error: Error| error.about(&parameters.name, recording.path());
         let (_, agreement) = comparison.run(parameters, &options, &bar).map_err(about)?;
         bar.finish_and_clear();
-        rows.push(replay::RecordingAgreement::new(recording, Direction::Force, &agreement));
+        rows.push(RecordingAgreement::new(recording.path(), Direction::Force, &agreement));
     }
     Ok(replay::Report::new(rows))
 }

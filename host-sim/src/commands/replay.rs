@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::options::{self, RunArguments};
 use super::prelude::*;
 use super::recordings::{RecordingOptions, report_sampling};
-use crate::agreement::Agreement;
+use crate::agreement::RecordingAgreement;
 use crate::choice::Choice;
 use crate::files::recording::{Direction, Recording};
 use crate::replay::comparison::Comparison;
@@ -37,19 +37,6 @@ pub(super) struct Arguments {
     recordings: Vec<PathBuf>,
 }
 
-/// One recording's agreement. RMSE is in m, or in N where displacement is the input.
-#[derive(Serialize)]
-pub(super) struct RecordingAgreement {
-    file: String,
-    r2: f64,
-    nrmse_pct: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    rmse_m: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    rmse_n: Option<f64>,
-    samples: usize,
-}
-
 /// A recording along which the film has no response.
 #[derive(Serialize)]
 pub(super) struct WithoutResponse {
@@ -67,20 +54,6 @@ pub(super) struct Report {
     /// Note on the electric field, if the film's sizes are assumed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) field_note: Option<String>,
-}
-
-impl RecordingAgreement {
-    pub(super) fn new(recording: &Recording, direction: Direction, agreement: &Agreement) -> Self {
-        let rmse_for = |which| (direction == which).then_some(agreement.rmse);
-        Self {
-            file: shown(recording.path()),
-            r2: agreement.r2,
-            nrmse_pct: agreement.nrmse_pct,
-            rmse_m: rmse_for(Direction::Force),
-            rmse_n: rmse_for(Direction::Displacement),
-            samples: agreement.samples,
-        }
-    }
 }
 
 impl Report {
@@ -128,7 +101,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             }
             Err(error) => return Err(error.about(&arguments.model.law.params, recording.path())),
         };
-        rows.push(RecordingAgreement::new(recording, arguments.drive, &agreement));
+        rows.push(RecordingAgreement::new(recording.path(), arguments.drive, &agreement));
         if plot.is_wanted() {
             panels.extend(compared(comparison, arguments.drive, &comparison.readings(&parameters, &response)));
         }

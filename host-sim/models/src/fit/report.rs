@@ -10,10 +10,9 @@ use springpot::{Actuator, TemperatureDependence};
 
 use super::checks::{self, BranchRow};
 use super::{Fit, StructureRow, Uncertainty, Warning};
-use crate::agreement::Agreement;
+use crate::agreement::{Agreement, RecordingAgreement};
 use crate::compression::Compression;
 use crate::cost::Cost;
-use crate::error::shown;
 use crate::files::parameters::Parameters;
 use crate::files::recording::Direction;
 use crate::replay::expectation::Expectation;
@@ -98,20 +97,9 @@ pub struct FilmRow {
 /// Agreement of a fit with a recording.
 #[derive(Serialize)]
 pub struct RecordingRow {
-    /// The recording's file.
-    pub file: String,
-    /// R² (Eq. 14).
-    pub r2: f64,
-    /// NRMSE, % of peak to peak.
-    pub nrmse_pct: f64,
-    /// RMS of the difference where displacement is fitted, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rmse_m: Option<f64>,
-    /// RMS of the difference where force is fitted, N.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rmse_n: Option<f64>,
-    /// Number of measured values.
-    pub samples: usize,
+    /// The agreement itself.
+    #[serde(flatten)]
+    pub agreement: RecordingAgreement,
     /// SHA-256 of the file.
     pub sha256: String,
     /// Rate of the model along the recording, Hz.
@@ -129,12 +117,7 @@ impl FitReport {
     pub fn new(fit: &Fit, parameters: &Parameters, direction: Direction, files: &[&Path], seconds: f64) -> Self {
         let digests = digests(parameters);
         let row = |(index, (file, agreement)): (usize, (&&Path, &Agreement))| RecordingRow {
-            file: shown(file),
-            r2: agreement.r2,
-            nrmse_pct: agreement.nrmse_pct,
-            rmse_m: (direction == Direction::Force).then_some(agreement.rmse),
-            rmse_n: (direction == Direction::Displacement).then_some(agreement.rmse),
-            samples: agreement.samples,
+            agreement: RecordingAgreement::new(file, direction, agreement),
             sha256: digests.get(index).cloned().unwrap_or_default(),
             rate_hz: fit.rates_hz[index],
             offset: fit.readings[index].own_offset(),
@@ -182,15 +165,9 @@ impl FitReport {
             text.push('\n');
         }
         for row in &self.recordings {
-            let _ = write!(
-                text,
-                "{}: R² {:.6}, NRMSE {:.3} %, at {} Hz",
-                row.file,
-                row.r2,
-                row.nrmse_pct,
-                rounded(row.rate_hz)
-            );
-            let (scale, unit) = if row.rmse_n.is_some() { (1e3, "mN") } else { (1e6, "µm") };
+            let RecordingAgreement { file, r2, nrmse_pct, rmse_n, .. } = &row.agreement;
+            let _ = write!(text, "{file}: R² {r2:.6}, NRMSE {nrmse_pct:.3} %, at {} Hz", rounded(row.rate_hz));
+            let (scale, unit) = if rmse_n.is_some() { (1e3, "mN") } else { (1e6, "µm") };
             if let Some(offset) = row.offset {
                 let _ = write!(text, ", offset {:.3} {unit}", scale * offset);
             }
