@@ -64,7 +64,7 @@ impl PreparedObservations {
 
     /// The context of searches with `settings`, without freed quantities that cannot be identified; they end early when
     /// `stop` is set.
-    pub fn context<'a>(&'a self, settings: &Settings, stop: &'a AtomicBool) -> Context<'a> {
+    pub fn context<'a>(&'a self, settings: &'a Settings, stop: &'a AtomicBool) -> Context<'a> {
         let identified = |variable: &Variable| self.excitation.identifies(*variable);
         let is_searched = settings.method == Method::Lm;
         let of_temperature = [Variable::StiffnessSlope, Variable::Activation].into_iter();
@@ -73,16 +73,12 @@ impl PreparedObservations {
             scout: self.scout.as_ref(),
             coarse: &self.coarse,
             fine: &self.fine,
-            actuator: settings.actuator,
+            scales: self.scales,
+            excitation: self.excitation,
+            settings,
             delay_s: settings.sensor_delay_s.or(settings.start.as_ref().map(|start| start.delay_s)).unwrap_or(0.0),
             temperature: settings.start.as_ref().and_then(|start| start.temperature).or(self.temperature),
             freed: settings.freed.iter().copied().chain(of_temperature).filter(identified).collect(),
-            held: settings.held.clone(),
-            loss: settings.loss,
-            scales: self.scales,
-            excitation: self.excitation,
-            seed: settings.seed,
-            starts: settings.starts,
             stop,
             evaluations: &self.evaluations,
         }
@@ -117,26 +113,18 @@ pub struct Context<'a> {
     pub coarse: &'a Objective,
     /// All samples, where they end.
     pub fine: &'a Objective,
-    /// Eq. 1 and the weight at the start.
-    pub actuator: Actuator,
+    /// Orders of magnitude of the parameters.
+    pub scales: Scales,
+    /// The excitation of the observations: which quantities can be identified.
+    pub excitation: Excitation,
+    /// What is fitted, and how.
+    pub settings: &'a Settings,
     /// The sensor's delay at the start, s.
     pub delay_s: f64,
     /// How the temperature changes the film at the start.
     pub temperature: Option<TemperatureDependence>,
     /// Quantities of the actuator and the sensor that are fitted besides the elements.
     pub freed: Vec<Variable>,
-    /// Variables that are not fitted.
-    pub held: Vec<Variable>,
-    /// Loss function of the residuals.
-    pub loss: Loss,
-    /// Orders of magnitude of the parameters.
-    pub scales: Scales,
-    /// The excitation of the observations: which quantities can be identified.
-    pub excitation: Excitation,
-    /// Seed of the starts.
-    pub seed: u64,
-    /// Random starts per structure; fewer for larger structures that also start from smaller ones.
-    pub starts: usize,
     /// Set to end searches early with the best so far.
     pub stop: &'a AtomicBool,
     /// Counts residual evaluations.
@@ -159,7 +147,7 @@ impl Context<'_> {
     pub fn variables(&self, branches: usize) -> Vec<Variable> {
         Variable::of_model(branches)
             .into_iter()
-            .filter(|variable| !self.held.contains(variable))
+            .filter(|variable| !self.settings.held.contains(variable))
             .chain(self.freed.iter().copied())
             .collect()
     }
@@ -168,21 +156,23 @@ impl Context<'_> {
     pub fn variables_of(&self, candidate: &Candidate) -> Vec<Variable> {
         let saturation = candidate.actuator.saturation_v.map(|_| Variable::Saturation);
         let bent = candidate.curve_variables().into_iter().chain(saturation);
-        let bent = bent.filter(|variable| !self.held.contains(variable) && self.excitation.identifies(*variable));
+        let bent =
+            bent.filter(|variable| !self.settings.held.contains(variable) && self.excitation.identifies(*variable));
         // Eq. 1 leaves the scale of the force open, and with it the stiffness that belongs to a mass: beside a spring, where the memory is not to
         // explain inertia, it is fitted.
         let is_scale = |variable: &Variable| variable.force_exponent().is_some() || *variable == Variable::Mass;
         let is_beside = candidate.spring.is_some() && !candidate.is_in_series();
         let is_open = is_beside && self.excitation.voltage_driven && candidate.actuator.mass_kg > 0.0;
-        let is_open = is_open && !self.freed.iter().chain(&self.held).any(is_scale);
+        let is_open = is_open && !self.freed.iter().chain(&self.settings.held).any(is_scale);
         let scale = is_open.then_some(Variable::Permittivity);
         self.variables(candidate.branches()).into_iter().chain(bent).chain(scale).collect()
     }
 
     /// Half as many random starts of a structure as usual.
     pub fn linear_starts(&self, topology: Topology, branches: usize) -> Vec<Candidate> {
-        let start = |index| starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
-        (0..self.starts.div_ceil(2)).map(|index| self.on_the_bench(start(index), index)).collect()
+        let start =
+            |index| starts::start(self.settings.actuator, topology, branches, self.scales, self.settings.seed, index);
+        (0..self.settings.starts.div_ceil(2)).map(|index| self.on_the_bench(start(index), index)).collect()
     }
 
     /// The same with a delay of the sensor among what is fitted, from `delay_s` on.
@@ -225,9 +215,11 @@ impl Context<'_> {
 
     /// The same where structures are compared.
     pub fn explored(&self, topology: Topology, branches: usize, grown: &[Candidate]) -> Option<Found> {
-        let random_starts = if grown.is_empty() { self.starts } else { self.starts.div_ceil(branches.max(1)) };
+        let random_starts =
+            if grown.is_empty() { self.settings.starts } else { self.settings.starts.div_ceil(branches.max(1)) };
         let random = (0..random_starts).map(|index| {
-            let mut start = starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
+            let mut start =
+                starts::start(self.settings.actuator, topology, branches, self.scales, self.settings.seed, index);
             if self.freed.contains(&Variable::StretchCoupling) && start.actuator.stretch_coupling == 0.0 {
                 start.actuator.stretch_coupling = self.scales.coupling;
             }
@@ -332,7 +324,7 @@ impl Context<'_> {
         stopping: StoppingCriteria,
     ) -> Option<Found> {
         let mut descent = Descent {
-            worthwhile: if self.loss == Loss::Square { worthwhile } else { f64::INFINITY },
+            worthwhile: if self.settings.loss == Loss::Square { worthwhile } else { f64::INFINITY },
             objective,
             base: start,
             bounds: variables.iter().map(|variable| variable.bounds_in(start)).collect(),
@@ -343,7 +335,7 @@ impl Context<'_> {
         };
         let values: Vec<f64> = descent.variables.iter().map(|variable| variable.get(start)).collect();
         let minimum = least_squares::minimise(&descent, &values, stopping)?;
-        let minimum = match self.loss {
+        let minimum = match self.settings.loss {
             Loss::Square => minimum,
             Loss::Huber => descent.reweighted(minimum, stopping)?,
         };

@@ -190,7 +190,7 @@ impl Fold {
                 let (from, to) = (variable.get(&found.candidate), variable.get(&fitted.candidate));
                 variable.set(&mut candidate, if share == 1.0 { to } else { from + share * (to - from) });
             }
-            let errors = mean_squares(whole, context.loss, &whole.evaluate(&candidate)?, &self.blocks);
+            let errors = mean_squares(whole, context.settings.loss, &whole.evaluate(&candidate)?, &self.blocks);
             errors.iter().all(|error| error.is_finite()).then_some((errors, candidate))
         };
         let found = WAY_BACK.into_iter().find_map(errors);

@@ -148,7 +148,7 @@ impl Search<'_> {
         let objective = self.context.coarse;
         let residuals = objective.evaluate(&found.candidate).map(|evaluation| objective.residuals(&evaluation));
         residuals.is_none_or(|mut residuals| {
-            if self.context.loss == Loss::Huber {
+            if self.context.settings.loss == Loss::Huber {
                 // Drop-outs are white, and hide what is not.
                 let most = 3.0 * robust_deviation(&residuals);
                 residuals.iter_mut().for_each(|residual| *residual = residual.clamp(-most, most));

@@ -136,7 +136,7 @@ impl StructureFit {
             left_out_blocks_nrmse_pct: errors.as_ref().ok().and_then(|errors| left_out.blocks_nrmse_pct(errors)),
             left_out: errors,
             refits,
-            fitted: left_out.mean_squares(context.loss, &evaluation),
+            fitted: left_out.mean_squares(context.settings.loss, &evaluation),
             noise: left_out.noise(&evaluation),
             found,
         })

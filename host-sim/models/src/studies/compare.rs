@@ -171,7 +171,7 @@ impl CreepModel {
 fn prony(context: &Context<'_>, branches: usize, share: f64) -> Candidate {
     let mut elements = starts::elements(branches, context.scales, share, 1.0);
     elements[0] = Springpot::new(context.scales.stiffness, 0.0);
-    let mut actuator = context.actuator;
+    let mut actuator = context.settings.actuator;
     if context.freed.contains(&Variable::StretchCoupling) && actuator.stretch_coupling == 0.0 {
         actuator.stretch_coupling = context.scales.coupling;
     }
