@@ -36,10 +36,10 @@ fn main() -> host_sim::Result<()> {
         vec![
             Panel::new("Creep under 0…6 kV at 1/7 Hz, Table 3, n = 2", "time (s)", "displacement (mm)")
                 .with(Line::new("full memory, f64", &time_s, &full).beneath())
-                .with(Line::new("compressed, f32: 0.7 kB", &time_s, &compressed).coloured(Colour::Blue))
-                .with(Line::new("10 s window, f32: 80 kB", &time_s, &window).coloured(Colour::Vermilion)),
+                .with(Line::new("compressed, f32: 0.7 kB", &time_s, &compressed).coloured(Colour::BLUE))
+                .with(Line::new("10 s window, f32: 80 kB", &time_s, &window).coloured(Colour::VERMILION)),
             Panel::new("Compressed minus full memory", "time (s)", "difference (nm)")
-                .with(Line::new("compressed, f32", &time_s, &nanometres).coloured(Colour::Blue)),
+                .with(Line::new("compressed, f32", &time_s, &nanometres).coloured(Colour::BLUE)),
         ],
     );
     figure_file::stage_image(&path, &figure)?.commit()

@@ -113,11 +113,11 @@ fn scaled(values: &[f64], by: f64) -> Vec<f64> {
 fn controllers(path: &Path, subject: &Subject) -> host_sim::Result<()> {
     let time = subject.time_s();
     let kinds = [
-        (ControllerKind::None, "no compensation", 0.6, Colour::Vermilion),
-        (ControllerKind::Window, "10 s window", 0.6, Colour::Orange),
-        (ControllerKind::Pi, "PI alone, 1 Hz", 1.0, Colour::Purple),
-        (ControllerKind::Feedforward, "feedforward", 0.6, Colour::Blue),
-        (ControllerKind::Tracking, "tracking", 0.6, Colour::Green),
+        (ControllerKind::None, "no compensation", 0.6, Colour::VERMILION),
+        (ControllerKind::Window, "10 s window", 0.6, Colour::ORANGE),
+        (ControllerKind::Pi, "PI alone, 1 Hz", 1.0, Colour::PURPLE),
+        (ControllerKind::Feedforward, "feedforward", 0.6, Colour::BLUE),
+        (ControllerKind::Tracking, "tracking", 0.6, Colour::GREEN),
     ];
     let mut film = Panel::new("A sine of 1/10 Hz on the film hossain", "time (s)", "displacement (mm)")
         .with(Line::new("reference", &time, &scaled(&subject.reference, 1e3)).beneath());
@@ -179,12 +179,12 @@ fn lost_sensor(path: &Path, subject: &Subject) -> host_sim::Result<()> {
                 "time (s)",
                 "film − reference (µm)",
             )
-            .with(Line::new("feedforward alone", &time, &scaled(&error.error_m(), 1e6)).coloured(Colour::Blue))
-            .with(Line::new("tracking", &time, &scaled(&run.error_m(), 1e6)).coloured(Colour::Green)),
+            .with(Line::new("feedforward alone", &time, &scaled(&error.error_m(), 1e6)).coloured(Colour::BLUE))
+            .with(Line::new("tracking", &time, &scaled(&run.error_m(), 1e6)).coloured(Colour::GREEN)),
             Panel::new("What the observer has learned", "time (s)", "force scale")
-                .with(Line::new("force scale", &time, &run.force_scale).coloured(Colour::Green)),
+                .with(Line::new("force scale", &time, &run.force_scale).coloured(Colour::GREEN)),
             Panel::new("Changes of voltage: the slew limit allows 50 V", "time (s)", "volts per tick")
-                .with(Line::new("tracking", &time[1..], &steps).coloured(Colour::Green)),
+                .with(Line::new("tracking", &time[1..], &steps).coloured(Colour::GREEN)),
         ],
     );
     figure_file::stage_image(path, &figure)?.commit()
@@ -214,9 +214,9 @@ fn limits(path: &Path, subject: &Subject) -> host_sim::Result<()> {
             Panel::new("Jumps, shaped to 4 mm/s and 10 mm/s²", "time (s)", "displacement (mm)")
                 .with(Line::new("asked for", &time, &scaled(&subject.reference, 1e3)).dashed())
                 .with(Line::new("shaped reference", &time, &scaled(&run.reference_m, 1e3)).beneath())
-                .with(Line::new("film", &time, &scaled(&run.displacement_m, 1e3)).coloured(Colour::Green)),
+                .with(Line::new("film", &time, &scaled(&run.displacement_m, 1e3)).coloured(Colour::GREEN)),
             Panel::new("Voltage", "time (s)", "voltage (kV)")
-                .with(Line::new("command", &time, &scaled(&run.voltage_v, 1e-3)).coloured(Colour::Blue)),
+                .with(Line::new("command", &time, &scaled(&run.voltage_v, 1e-3)).coloured(Colour::BLUE)),
             Panel::new("Limits met", "time (s)", "")
                 .with(Line::new("below zero", &time, &flag(Limited::BELOW_ZERO, 5.0)))
                 .with(Line::new("field", &time, &flag(Limited::FIELD, 4.0)))

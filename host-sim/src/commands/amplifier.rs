@@ -193,7 +193,7 @@ fn panels(log: &AmplifierLog, identified: &Identification) -> Vec<Panel> {
         voltages("Command and monitor", log, identified, rows),
         voltages("Around the largest change", log, identified, around),
         Panel::new("Residual", "time (s)", "monitor − model (V)")
-            .with(Line::new("monitor − model", &time, &residual).coloured(Colour::Blue)),
+            .with(Line::new("monitor − model", &time, &residual).coloured(Colour::BLUE)),
     ]
 }
 
@@ -205,8 +205,8 @@ fn voltages(title: &str, log: &AmplifierLog, identified: &Identification, rows: 
     };
     Panel::new(title, "time (s)", "voltage (kV)")
         .with(line("monitor", &log.monitor_v).beneath())
-        .with(line("command", &log.command_v).coloured(Colour::Vermilion))
-        .with(line("model of the monitor", &identified.shown_v).coloured(Colour::Blue))
+        .with(line("command", &log.command_v).coloured(Colour::VERMILION))
+        .with(line("model of the monitor", &identified.shown_v).coloured(Colour::BLUE))
 }
 
 /// The rows around the largest change of the command within the time that the amplifier takes.

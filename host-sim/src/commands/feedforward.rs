@@ -218,9 +218,9 @@ fn panels(reference: &[f64], plan: &VoltagePlan, grid: Grid) -> Vec<Panel> {
             .with(Line::new("reference", &time, &DISPLACEMENT.transform(reference)).beneath())
             .with(Line::new("model", &time, &DISPLACEMENT.transform(&plan.displacement_m))),
         Panel::new("Model minus reference", "time (s)", "difference (µm)")
-            .with(Line::new("model − reference", &time, &MICROMETRES.transform(&error)).coloured(Colour::Vermilion)),
+            .with(Line::new("model − reference", &time, &MICROMETRES.transform(&error)).coloured(Colour::VERMILION)),
         Panel::new("Voltage", "time (s)", VOLTAGE.label())
-            .with(Line::new("voltage", &time, &VOLTAGE.transform(&plan.voltage_v)).coloured(Colour::Green)),
+            .with(Line::new("voltage", &time, &VOLTAGE.transform(&plan.voltage_v)).coloured(Colour::GREEN)),
     ]
 }
 

@@ -251,5 +251,5 @@ fn verdict(rows: &[LoopRow]) -> Option<String> {
 
 fn panel(sine: &Sine) -> Panel {
     let line = Line::new("reference", &sine.grid.times_s(), &DISPLACEMENT.transform(&sine.values));
-    Panel::new("Reference", "time (s)", DISPLACEMENT.label()).with(line.coloured(Colour::Green))
+    Panel::new("Reference", "time (s)", DISPLACEMENT.label()).with(line.coloured(Colour::GREEN))
 }

@@ -146,11 +146,11 @@ fn panels(parameters: &Parameters, estimates: &Estimates, grid: Grid) -> Vec<Pan
             .with(Line::new("sensor", &time, &DISPLACEMENT.transform(&sampled)).beneath())
             .with(Line::new("estimate", &time, &DISPLACEMENT.transform(&estimates.displacement_m))),
         Panel::new("Innovation: sensor minus prediction", "time (s)", "innovation (µm)").with(
-            Line::new("innovation", &time, &MICROMETRES.transform(&estimates.innovation_m)).coloured(Colour::Vermilion),
+            Line::new("innovation", &time, &MICROMETRES.transform(&estimates.innovation_m)).coloured(Colour::VERMILION),
         ),
         Panel::new("Disturbance force", "time (s)", "disturbance (N)")
-            .with(Line::new("disturbance", &time, &estimates.disturbance_n).coloured(Colour::Green)),
+            .with(Line::new("disturbance", &time, &estimates.disturbance_n).coloured(Colour::GREEN)),
         Panel::new("Force scale", "time (s)", "force scale")
-            .with(Line::new("force scale", &time, &estimates.force_scale).coloured(Colour::Purple)),
+            .with(Line::new("force scale", &time, &estimates.force_scale).coloured(Colour::PURPLE)),
     ]
 }

@@ -76,10 +76,10 @@ fn panels(response: &Response, grid: Grid) -> Vec<Panel> {
     let time = grid.times_s();
     let voltage = response.voltage_v.as_ref().map(|volts| {
         Panel::new("Voltage", "time (s)", VOLTAGE.label())
-            .with(Line::new("voltage", &time, &VOLTAGE.transform(volts)).coloured(Colour::Green))
+            .with(Line::new("voltage", &time, &VOLTAGE.transform(volts)).coloured(Colour::GREEN))
     });
     let force = Panel::new("Force on the film", "time (s)", FORCE.label())
-        .with(Line::new("force", &time, &response.force_n).coloured(Colour::Vermilion));
+        .with(Line::new("force", &time, &response.force_n).coloured(Colour::VERMILION));
     let displacement = Panel::new("Displacement", "time (s)", DISPLACEMENT.label()).with(Line::new(
         "displacement",
         &time,

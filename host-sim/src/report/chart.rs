@@ -64,7 +64,7 @@ fn data(panel: &Panel) -> Value {
             let count = x_digits(&points);
             json!({
                 "label": line.label,
-                "colour": colour.name(),
+                "colour": colour.name,
                 "width": line.width,
                 "dashed": line.dashed,
                 "marked": line.marked,

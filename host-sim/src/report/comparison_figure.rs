@@ -16,6 +16,6 @@ pub fn panels(measured: &Samples, modelled: &[f64], axis: Axis, fine: Axis) -> [
                 "Measured is the wide grey line; where the model follows it, the thin line runs along its middle.",
             ),
         Panel::new("Residual", "time (s)", format!("model − measured ({})", fine.unit))
-            .with(Line::new("model − measured", time, &fine.transform(&difference)).coloured(Colour::Vermilion)),
+            .with(Line::new("model − measured", time, &fine.transform(&difference)).coloured(Colour::VERMILION)),
     ]
 }

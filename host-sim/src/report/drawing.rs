@@ -45,12 +45,12 @@ fn plots(panel: &Panel) -> Vec<Plot> {
         .flat_map(|(line, colour, points)| {
             let marks = line.marked.then(|| {
                 let marks = ScatterPlot::new().with_data(points.iter().copied());
-                Plot::from(marks.with_color(colour.on_white()).with_size(2.0 + line.width))
+                Plot::from(marks.with_color(colour.on_white).with_size(2.0 + line.width))
             });
             let style = if line.dashed { LineStyle::Dashed } else { LineStyle::Solid };
             let drawn = LinePlot::new()
                 .with_data(points)
-                .with_color(colour.on_white())
+                .with_color(colour.on_white)
                 .with_stroke_width(line.width)
                 .with_line_style(style);
             // The axis names a line that is alone.

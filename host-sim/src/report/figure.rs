@@ -1,47 +1,29 @@
 //! Figures: panels of lines with their axes. [`drawing`](super::drawing) makes SVG and PNG of them, `chart` plots of a page.
 
-/// Colours that colour-blind people can distinguish (Okabe and Ito).
+/// A colour that colour-blind people can distinguish from the others (Okabe and Ito).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Colour {
-    /// Measured or requested values, beneath other lines.
-    Grey,
-    /// The first of the lines on top.
-    Blue,
-    /// The second.
-    Vermilion,
-    /// The third.
-    Green,
-    /// The fourth.
-    Purple,
-    /// The fifth.
-    Orange,
+pub struct Colour {
+    /// On white.
+    pub on_white: &'static str,
+    /// Its name in a page's style sheet.
+    pub name: &'static str,
 }
 
 impl Colour {
+    /// Measured or requested values, beneath other lines.
+    pub const GREY: Self = Self { on_white: "#9a9a9a", name: "grey" };
+    /// The first of the lines on top.
+    pub const BLUE: Self = Self { on_white: "#0072b2", name: "blue" };
+    /// The second.
+    pub const VERMILION: Self = Self { on_white: "#d55e00", name: "vermilion" };
+    /// The third.
+    pub const GREEN: Self = Self { on_white: "#009e73", name: "green" };
+    /// The fourth.
+    pub const PURPLE: Self = Self { on_white: "#cc79a7", name: "purple" };
+    /// The fifth.
+    pub const ORANGE: Self = Self { on_white: "#e69f00", name: "orange" };
     /// Colours of lines that name none, in their order.
-    const CYCLE: [Self; 5] = [Self::Blue, Self::Vermilion, Self::Green, Self::Purple, Self::Orange];
-
-    /// On white, and its name in a page's style sheet.
-    fn code_and_name(self) -> (&'static str, &'static str) {
-        match self {
-            Self::Grey => ("#9a9a9a", "grey"),
-            Self::Blue => ("#0072b2", "blue"),
-            Self::Vermilion => ("#d55e00", "vermilion"),
-            Self::Green => ("#009e73", "green"),
-            Self::Purple => ("#cc79a7", "purple"),
-            Self::Orange => ("#e69f00", "orange"),
-        }
-    }
-
-    /// On white.
-    pub fn on_white(self) -> &'static str {
-        self.code_and_name().0
-    }
-
-    /// Its name in a page's style sheet.
-    pub fn name(self) -> &'static str {
-        self.code_and_name().1
-    }
+    const CYCLE: [Self; 5] = [Self::BLUE, Self::VERMILION, Self::GREEN, Self::PURPLE, Self::ORANGE];
 }
 
 /// Most points of a line as it is drawn: more do not show on a screen.
@@ -116,7 +98,7 @@ impl Line {
     /// A line beneath others: wide and grey, so that a thin line on top leaves both visible.
     #[must_use]
     pub fn beneath(self) -> Self {
-        Self { width: 4.5, ..self.coloured(Colour::Grey) }
+        Self { width: 4.5, ..self.coloured(Colour::GREY) }
     }
 }
 
@@ -132,7 +114,7 @@ pub struct Band {
 }
 
 /// A chart with its axes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Panel {
     /// Its title.
     pub title: String,
@@ -157,17 +139,7 @@ pub struct Panel {
 impl Panel {
     /// A panel with a title and labelled axes.
     pub fn new(title: impl Into<String>, x_label: impl Into<String>, y_label: impl Into<String>) -> Self {
-        Self {
-            title: title.into(),
-            x_label: x_label.into(),
-            y_label: y_label.into(),
-            lines: Vec::new(),
-            log_x: false,
-            log_y: false,
-            is_path: false,
-            band: None,
-            caption: String::new(),
-        }
+        Self { title: title.into(), x_label: x_label.into(), y_label: y_label.into(), ..Self::default() }
     }
 
     /// The same with one more line on top.
@@ -202,7 +174,7 @@ impl Panel {
     pub fn drawn(&self) -> impl Iterator<Item = (&Line, Colour, Points)> {
         let mut cycle = Colour::CYCLE.into_iter().cycle();
         self.lines.iter().map(move |line| {
-            let colour = line.colour.or_else(|| cycle.next()).unwrap_or(Colour::Blue);
+            let colour = line.colour.or_else(|| cycle.next()).unwrap_or(Colour::BLUE);
             let shows = |(x, y): &(f64, f64)| (!self.log_x || *x > 0.0) && (!self.log_y || *y > 0.0);
             (line, colour, line.points.iter().copied().filter(shows).collect())
         })

@@ -65,7 +65,7 @@ fn picture(report: &Report) -> Markup {
         let time = column(hold, 0, 1.0);
         panels.push(
             Panel::new("Without compensation: a constant voltage", "time (s)", "displacement (mm)")
-                .with(Line::new("film", &time, &column(hold, 1, 1e3)).coloured(Colour::Vermilion)),
+                .with(Line::new("film", &time, &column(hold, 1, 1e3)).coloured(Colour::VERMILION)),
         );
     }
     if !tracked.is_empty() {
@@ -73,7 +73,7 @@ fn picture(report: &Report) -> Markup {
         panels.push(
             Panel::new("With compensation: random segments", "time (s)", "displacement (mm)")
                 .with(Line::new("reference", &time, &column(tracked, 2, 1e3)).beneath())
-                .with(Line::new("film", &time, &column(tracked, 1, 1e3)).coloured(Colour::Blue)),
+                .with(Line::new("film", &time, &column(tracked, 1, 1e3)).coloured(Colour::BLUE)),
         );
     }
     html! {

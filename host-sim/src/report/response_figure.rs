@@ -23,7 +23,7 @@ pub fn bode_panels(frequency: &[f64], magnitude: &[f64], phase: &[f64]) -> [Pane
             .with(Line::new("magnitude", frequency, &scaled(magnitude, 1e3)))
             .logarithmic(true, true),
         Panel::new("Phase", "frequency (Hz)", "phase (°)")
-            .with(Line::new("phase", frequency, &scaled(phase, 1f64.to_degrees())).coloured(Colour::Vermilion))
+            .with(Line::new("phase", frequency, &scaled(phase, 1f64.to_degrees())).coloured(Colour::VERMILION))
             .logarithmic(true, false),
     ]
 }

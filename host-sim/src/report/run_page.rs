@@ -46,12 +46,12 @@ pub fn html(path: &Path) -> Result<String> {
     let panels = vec![
         Panel::new("Stroke", "time (s)", DISPLACEMENT.label())
             .with(Line::new(wanted, &time, &DISPLACEMENT.transform(&reference)).beneath())
-            .with(Line::new("film", &time, &DISPLACEMENT.transform(&film)).coloured(Colour::Blue)),
+            .with(Line::new("film", &time, &DISPLACEMENT.transform(&film)).coloured(Colour::BLUE)),
         Panel::new("Error", "time (s)", format!("film − {wanted} (µm)"))
-            .with(Line::new("error", &time, &MICROMETRES.transform(&error)).coloured(Colour::Vermilion)),
+            .with(Line::new("error", &time, &MICROMETRES.transform(&error)).coloured(Colour::VERMILION)),
         Panel::new("Voltage", "time (s)", VOLTAGE.label())
             .with(Line::new("command", &time, &VOLTAGE.transform(&command)).beneath())
-            .with(Line::new("monitor", &time, &VOLTAGE.transform(&voltage)).coloured(Colour::Green)),
+            .with(Line::new("monitor", &time, &VOLTAGE.transform(&voltage)).coloured(Colour::GREEN)),
     ];
     let picture = chart::figure(&Figure::new("Run", panels));
     let lead = html! {

@@ -173,8 +173,8 @@ fn panels(fits: &[StudyFit], observations: &[Observation], alone: bool) -> Vec<P
             let measured = Line::new("measured", time, &scaled(&observation.measured.value));
             let mut panel = Panel::new(observation.file_name(), "time (s)", axis).with(measured.beneath());
             for (method, topology, colour) in [
-                (Method::PatternSearch, Topology::Eq11, Colour::Vermilion),
-                (Method::Lm, Topology::Parallel, Colour::Blue),
+                (Method::PatternSearch, Topology::Eq11, Colour::VERMILION),
+                (Method::Lm, Topology::Parallel, Colour::BLUE),
             ] {
                 let wanted = |e: &&StudyFit| {
                     e.method == method

@@ -11,7 +11,7 @@ use crate::grid::Grid;
 use crate::simulation::closed_loop::LoopRun;
 
 /// Colours of runs side by side.
-const COLOURS: [Colour; 4] = [Colour::Vermilion, Colour::Blue, Colour::Green, Colour::Purple];
+const COLOURS: [Colour; 4] = [Colour::VERMILION, Colour::BLUE, Colour::GREEN, Colour::PURPLE];
 
 /// The run without compensation, in words.
 const UNCOMPENSATED: &str = "no compensation";

@@ -11,8 +11,9 @@ use super::super::course::Course;
 use super::super::figure::{Colour, Line, Panel};
 use crate::files::recording::Input;
 use crate::fit::observation::Observation;
-use crate::grid::Samples;
+use crate::grid::{Samples, range};
 use crate::spectrum::Spectrum;
+use crate::statistics::mean;
 
 /// A recording with its axes.
 struct Shown<'a> {
@@ -61,7 +62,7 @@ impl Shown<'_> {
     fn drive(&self) -> Panel {
         let drive = self.observation.input.samples();
         Panel::new("Drive", "time (s)", self.drive.label()).with(
-            Line::new(self.drive.name, &drive.time_s, &self.drive.transform(&drive.value)).coloured(Colour::Green),
+            Line::new(self.drive.name, &drive.time_s, &self.drive.transform(&drive.value)).coloured(Colour::GREEN),
         )
     }
 
@@ -80,7 +81,7 @@ impl Shown<'_> {
     /// The first and the last of the `cycles` as loops.
     fn loops(&self, cycles: &[Range<f64>]) -> Panel {
         let [Some(first), Some(last)] = [cycles.first(), cycles.last()] else { return self.whole_loop() };
-        let cycles = [("first cycle", first, Colour::Blue), ("last cycle", last, Colour::Vermilion)];
+        let cycles = [("first cycle", first, Colour::BLUE), ("last cycle", last, Colour::VERMILION)];
         let mut panel = self.empty_loops();
         for (name, cycle, _) in &cycles {
             let line = self.path(format!("{name}, measured"), cycle, &self.measured().value);
@@ -108,7 +109,7 @@ impl Shown<'_> {
 
     fn path(&self, label: impl Into<String>, during: &Range<f64>, values: &[f64]) -> Line {
         let rows = self.rows(during);
-        let drive = at(self.observation.input.samples(), &self.measured().time_s[rows.clone()]);
+        let drive = self.observation.input.samples().at(self.measured().time_s[rows.clone()].iter().copied());
         Line::path(label, &self.drive.transform(&drive), &self.axis.transform(&values[rows]))
     }
 
@@ -121,7 +122,8 @@ impl Shown<'_> {
     /// Mean and lowest value of each cycle, less those of the first.
     fn drift(&self, cycles: &[Range<f64>]) -> Panel {
         type Kind = (&'static str, fn(&[f64]) -> f64, Colour);
-        const KINDS: [Kind; 2] = [("mean", mean, Colour::Blue), ("lowest", lowest, Colour::Vermilion)];
+        const KINDS: [Kind; 2] =
+            [("mean", mean, Colour::BLUE), ("lowest", |values| range(values).0, Colour::VERMILION)];
         let cycles: Vec<&Range<f64>> = cycles.iter().filter(|cycle| !self.rows(cycle).is_empty()).collect();
         let middle: Vec<f64> = cycles.iter().map(|cycle| 0.5 * (cycle.start + cycle.end)).collect();
         let drift = |values: &[f64], of: fn(&[f64]) -> f64| -> Vec<f64> {
@@ -152,38 +154,12 @@ impl Shown<'_> {
             Panel::new("Spectrum", "frequency (Hz)", format!("amplitude density ({}/√Hz)", self.fine.unit))
                 .with(Line::new("measured", &measured.frequency_hz, &density(&measured)).beneath())
                 .with(
-                    Line::new("residual", &residual.frequency_hz, &density(&residual)).coloured(Colour::Vermilion),
+                    Line::new("residual", &residual.frequency_hz, &density(&residual)).coloured(Colour::VERMILION),
                 )
                 .logarithmic(true, true)
                 .captioned("A flat residual is noise; peaks at the drive's frequency and its multiples are what the model does not follow."),
         )
     }
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-fn lowest(values: &[f64]) -> f64 {
-    values.iter().copied().fold(f64::INFINITY, f64::min)
-}
-
-/// `samples` interpolated linearly to increasing `times`, constant beyond both ends.
-fn at(samples: &Samples, times: &[f64]) -> Vec<f64> {
-    let Samples { time_s, value } = samples;
-    times
-        .iter()
-        .map(|&t| {
-            let next = time_s.partition_point(|time| *time <= t);
-            match (next.checked_sub(1), value.get(next)) {
-                (Some(before), Some(after)) => {
-                    value[before] + (t - time_s[before]) / (time_s[next] - time_s[before]) * (after - value[before])
-                }
-                (Some(last), None) => value[last],
-                (None, first) => first.copied().unwrap_or(0.0),
-            }
-        })
-        .collect()
 }
 
 fn capital(word: &str) -> String {
