@@ -1,6 +1,7 @@
 //! The candidate that a fit changes: the elements of the model, its elastic curve, and quantities of the actuator and the sensor.
 
 use std::borrow::Cow;
+use std::f64::consts::LN_10;
 use std::fmt;
 
 use springpot::{Actuator, Curve, CurveError, Maxwell, ModelError, Spring, Springpot, TemperatureDependence, Topology};
@@ -317,30 +318,39 @@ impl Variable {
         }
     }
 
-    /// Bounds of the value: orders 0…1, saturation at least 0, all others some decades around 1 in SI units.
-    pub fn bounds(self) -> (f64, f64) {
-        let decades =
-            |low: i32, high: i32| (f64::from(low) * std::f64::consts::LN_10, f64::from(high) * std::f64::consts::LN_10);
+    /// Its name, as a parameter file has it, and the bounds of its value: orders 0…1, saturation at least 0, all others some decades around 1
+    /// in SI units.
+    fn row(self) -> (&'static str, (f64, f64)) {
+        let decades = |low: f64, high: f64| (low * LN_10, high * LN_10);
         match self {
-            Self::Coefficient(_) | Self::SeriesStiffness => decades(-3, 12),
-            Self::SeriesBend => (-10.0, 100.0),
-            Self::Order(_) => (0.0, 1.0),
-            Self::StretchCoupling => (-1e4, 1e4),
-            Self::Saturation => (0.0, 100.0),
-            Self::Share => (-0.5, 1.5),
-            Self::Limit => decades(-1, 5),
-            Self::FreeLength | Self::MeasureLength => decades(-5, 2),
-            Self::Exponent => (-10.0, 10.0),
-            Self::Steepness(_) => (-1e3, 1e3),
-            Self::Slope(_) => decades(-2, 2),
-            Self::Offset => (-1.0, 1.0),
-            Self::Delay => (-MAX_SENSOR_DELAY_S, MAX_SENSOR_DELAY_S),
-            Self::Permittivity => decades(-6, 6),
-            Self::Length | Self::Width | Self::Thickness => decades(-9, 3),
-            Self::Mass => decades(-6, 6),
-            Self::StiffnessSlope => (-0.1, 0.1),
-            Self::Activation => (-1000.0, 1000.0),
+            Self::Coefficient(_) => ("c", decades(-3.0, 12.0)),
+            Self::Order(_) => ("alpha", (0.0, 1.0)),
+            Self::StretchCoupling => ("stretch_coupling", (-1e4, 1e4)),
+            Self::Saturation => ("saturation_v", (0.0, 100.0)),
+            Self::Share => ("curve.share", (-0.5, 1.5)),
+            Self::Limit => ("curve.limit", decades(-1.0, 5.0)),
+            Self::FreeLength => ("curve.free_length_m", decades(-5.0, 2.0)),
+            Self::Slope(_) => ("curve.slope", decades(-2.0, 2.0)),
+            Self::Exponent => ("curve.exponent", (-10.0, 10.0)),
+            Self::MeasureLength => ("curve.length_m", decades(-5.0, 2.0)),
+            Self::Steepness(_) => ("spring.slope_n_per_m", (-1e3, 1e3)),
+            Self::SeriesStiffness => ("spring.stiffness_n_per_m", decades(-3.0, 12.0)),
+            Self::SeriesBend => ("spring.bend_per_m2", (-10.0, 100.0)),
+            Self::Offset => ("offset_m", (-1.0, 1.0)),
+            Self::Delay => ("delay_s", (-MAX_SENSOR_DELAY_S, MAX_SENSOR_DELAY_S)),
+            Self::Permittivity => ("relative_permittivity", decades(-6.0, 6.0)),
+            Self::Length => ("length_m", decades(-9.0, 3.0)),
+            Self::Width => ("width_m", decades(-9.0, 3.0)),
+            Self::Thickness => ("thickness_m", decades(-9.0, 3.0)),
+            Self::Mass => ("mass_kg", decades(-6.0, 6.0)),
+            Self::StiffnessSlope => ("stiffness_per_k", (-0.1, 0.1)),
+            Self::Activation => ("activation_kj_per_mol", (-1000.0, 1000.0)),
         }
+    }
+
+    /// Bounds of the value.
+    pub fn bounds(self) -> (f64, f64) {
+        self.row().1
     }
 
     /// The same in a search from `candidate`. Beside a curve or a saturation the coupling stays what the geometry allows: without
@@ -371,33 +381,14 @@ impl Variable {
 
 impl fmt::Display for Variable {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let element = |f: &mut fmt::Formatter<'_>, symbol: &str, element: usize| match element {
-            0 => write!(f, "main.{symbol}"),
-            _ => write!(f, "branches[{}][{}].{symbol}", (element - 1) / 2, (element - 1) % 2),
-        };
+        let (name, _) = self.row();
         match *self {
-            Self::Coefficient(index) => element(f, "c", index),
-            Self::Order(index) => element(f, "alpha", index),
-            Self::StretchCoupling => f.write_str("stretch_coupling"),
-            Self::Saturation => f.write_str("saturation_v"),
-            Self::Share => f.write_str("curve.share"),
-            Self::Limit => f.write_str("curve.limit"),
-            Self::FreeLength => f.write_str("curve.free_length_m"),
-            Self::Slope(knot) => write!(f, "curve.slope[{knot}]"),
-            Self::Exponent => f.write_str("curve.exponent"),
-            Self::MeasureLength => f.write_str("curve.length_m"),
-            Self::Steepness(knot) => write!(f, "spring.slope_n_per_m[{knot}]"),
-            Self::SeriesStiffness => f.write_str("spring.stiffness_n_per_m"),
-            Self::SeriesBend => f.write_str("spring.bend_per_m2"),
-            Self::Offset => f.write_str("offset_m"),
-            Self::Delay => f.write_str("delay_s"),
-            Self::Permittivity => f.write_str("relative_permittivity"),
-            Self::Length => f.write_str("length_m"),
-            Self::Width => f.write_str("width_m"),
-            Self::Thickness => f.write_str("thickness_m"),
-            Self::Mass => f.write_str("mass_kg"),
-            Self::StiffnessSlope => f.write_str("stiffness_per_k"),
-            Self::Activation => f.write_str("activation_kj_per_mol"),
+            Self::Coefficient(0) | Self::Order(0) => write!(f, "main.{name}"),
+            Self::Coefficient(element) | Self::Order(element) => {
+                write!(f, "branches[{}][{}].{name}", (element - 1) / 2, (element - 1) % 2)
+            }
+            Self::Slope(knot) | Self::Steepness(knot) => write!(f, "{name}[{knot}]"),
+            _ => f.write_str(name),
         }
     }
 }

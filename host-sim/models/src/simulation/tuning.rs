@@ -12,7 +12,7 @@ use host_io::choice::Choice;
 use host_io::terminal::rounded;
 
 /// The requested tuning of a controller.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ControllerTuning {
     /// Steps per second.
     pub rate_hz: f64,
@@ -33,16 +33,8 @@ pub struct ControllerTuning {
 impl ControllerTuning {
     /// A tuning at `rate_hz` that requests nothing: no learning.
     #[must_use]
-    pub const fn at_rate(rate_hz: f64) -> Self {
-        Self {
-            rate_hz,
-            bandwidth_hz: None,
-            adaptation_s: None,
-            sensor_rate_hz: None,
-            sensor_delay_s: None,
-            harmonics: None,
-            period_s: None,
-        }
+    pub fn at_rate(rate_hz: f64) -> Self {
+        Self { rate_hz, ..Self::default() }
     }
 
     /// The displacement sensor: samples per second, and the time until one arrives, s.

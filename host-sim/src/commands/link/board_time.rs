@@ -10,7 +10,7 @@ const GUESSED_S: f64 = 0.02;
 ///
 /// A crystal is off by some ppm, the internal oscillator of a chip by a per cent, and an emulator on a busy machine falls behind by a third.
 /// What is played lasts as long as it says by the board's time, which is that of its log.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct BoardTime {
     /// Ticks per second.
     rate_hz: f64,
@@ -31,17 +31,7 @@ pub(super) struct BoardTime {
 impl BoardTime {
     /// At 0 s, of a board with `rate_hz` ticks per second that sends a sample every `every` ticks.
     pub(super) fn new(rate_hz: f64, every: u16) -> Self {
-        let interval_s = f64::from(every) / rate_hz;
-        Self {
-            rate_hz,
-            interval_s,
-            first: None,
-            sampled_s: 0.0,
-            looked_s: 0.0,
-            received_s: 0.0,
-            behind_s: 0.0,
-            now_s: 0.0,
-        }
+        Self { rate_hz, interval_s: f64::from(every) / rate_hz, ..Self::default() }
     }
 
     /// All samples that had come were taken at `host_s` (s), the newest of them of this tick.
