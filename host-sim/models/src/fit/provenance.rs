@@ -26,21 +26,25 @@ impl Fit {
         let name =
             |recording: &&Recording| recording.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let names: Vec<String> = recordings.iter().map(name).collect();
-        let mut parameters = Parameters {
-            curve: self.candidate.bend.elastic().map_err(springpot::LawError::from)?,
-            spring: self.candidate.elastic_spring().map_err(springpot::LawError::from)?,
-            temperature: self.candidate.temperature,
-            method: springpot::Discretisation::Gl,
-            name: format!("fit to {}", names.join(", ")),
-            actuator: self.candidate.actuator,
+        let Candidate { actuator, offset_m, delay_s, .. } = self.candidate;
+        let plain = Parameters {
             // A size that was freed may be one that no film has: then nothing is claimed of the field.
-            assumed_sizes: settings.assumed_sizes || plausibility::check(&self.candidate.actuator).is_err(),
-            model: self.candidate.model()?,
-            sensor_offset_m: self.candidate.offset_m,
-            sensor_delay_s: self.candidate.delay_s,
-            board: None,
-            provenance: None,
+            assumed_sizes: settings.assumed_sizes || plausibility::check(&actuator).is_err(),
+            sensor_offset_m: offset_m,
+            sensor_delay_s: delay_s,
+            ..Parameters::new(format!("fit to {}", names.join(", ")), actuator, self.candidate.model()?)
         };
+        let film = |candidate: &Candidate| -> Result<Parameters> {
+            Ok(Parameters {
+                curve: candidate.bend.elastic().map_err(springpot::LawError::from)?,
+                spring: candidate.elastic_spring().map_err(springpot::LawError::from)?,
+                temperature: candidate.temperature,
+                actuator: candidate.actuator,
+                model: candidate.model()?,
+                ..plain.clone()
+            })
+        };
+        let mut parameters = film(&self.candidate)?;
         plausibility::check_offset(parameters.sensor_offset_m).map_err(|cause| {
             Error::Computation(format!(
                 "the readings at rest: {cause}; state the unit of the displacement in the recordings"
@@ -52,17 +56,7 @@ impl Fit {
                 Error::Computation(format!("no controller can step the fitted film: {error}; fit with `curve` none"))
             })?;
         }
-        let refit = |refit: &Candidate| {
-            let film = Parameters {
-                curve: refit.bend.elastic().ok()?,
-                spring: refit.elastic_spring().ok()?,
-                actuator: refit.actuator,
-                model: refit.model().ok()?,
-                temperature: refit.temperature,
-                ..parameters.clone()
-            };
-            Some(Refit::new(&film))
-        };
+        let refit = |refit: &Candidate| film(refit).ok().map(|film| Refit::new(&film));
         let refits = self.refits.iter().map(refit).collect::<Option<_>>().unwrap_or_default();
         let recorded = Recorded { refits, ..self.recorded.clone() };
         parameters.provenance = Some(self.provenance(settings, direction, recordings, &recorded)?);

@@ -106,7 +106,7 @@ impl Parameters {
     }
 
     /// A linear film with its own sizes.
-    fn new(name: String, actuator: Actuator, model: Maxwell) -> Self {
+    pub fn new(name: String, actuator: Actuator, model: Maxwell) -> Self {
         Self {
             name,
             actuator,
