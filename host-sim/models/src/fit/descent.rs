@@ -117,7 +117,7 @@ pub struct Context<'a> {
     pub scales: Scales,
     /// The excitation of the observations: which quantities can be identified.
     pub excitation: Excitation,
-    /// What is fitted, and how.
+    /// The settings of the fit.
     pub settings: &'a Settings,
     /// The sensor's delay at the start, s.
     pub delay_s: f64,
