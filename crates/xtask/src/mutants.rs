@@ -79,12 +79,13 @@ impl Mutant {
         if self.file.contains("springpot") { "springpot" } else { "dea-driver" }
     }
 
-    /// Packages whose tests should notice it, with their names, the quick ones first. The law in C is written by hand, and has the same bits.
+    /// Packages whose tests should notice it, with the options that name the tests, the quick ones first. The law in C is written by hand, and has the
+    /// same bits.
     fn tests(&self) -> &'static [(&'static str, &'static str)] {
         if self.package() == "springpot" {
-            &[("springpot", "it"), ("host-emit", "emitted")]
+            &[("springpot", "--test it"), ("host-emit", "--test emitted")]
         } else {
-            &[("dea-driver", "driver")]
+            &[("dea-driver", "--test driver"), ("dea-driver", "--lib")]
         }
     }
 }
@@ -285,7 +286,7 @@ impl Copied<'_> {
 
     /// Runs a package's test, or builds it only.
     fn test(&self, (package, test): (&str, &str), options: &str) -> Result<()> {
-        let mut tests = cargo(&format!("test --quiet --profile mutants --package {package} --test {test} {options}"));
+        let mut tests = cargo(&format!("test --quiet --profile mutants --package {package} {test} {options}"));
         let mut limited = Command::new("timeout");
         limited.arg(MAX_SECONDS).arg(tests.get_program()).args(tests.get_args());
         tests = limited;

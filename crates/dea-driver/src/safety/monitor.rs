@@ -232,3 +232,30 @@ pub(crate) fn bounded(value: f32, bound: f32) -> f32 {
         value
     }
 }
+
+/// A sign that flips in one counter, or a voltage or a time that no tick leaves, is noticed while everything else is possible.
+#[cfg(feature = "link")]
+#[test]
+fn one_impossible_counter_or_voltage_is_not_sound() {
+    let mut monitor = Monitor::new(crate::Limits::bench(160e-6).monitor, 1000.0);
+    assert!((0..1000).all(|_| monitor.agrees(3000.0, 3000.0)));
+    // An arc, after which all counters count.
+    assert!(monitor.agrees(3000.0, 0.0));
+    assert!([monitor.excess, monitor.watched, monitor.fallen, monitor.fallen_last].iter().all(|&count| count > 0));
+    assert!(monitor.is_sound(3000.0) && !monitor.is_sound(2990.0));
+    let flips: [fn(&mut Monitor); 8] = [
+        |m| m.excess ^= i32::MIN,
+        |m| m.watched ^= i32::MIN,
+        |m| m.fallen ^= i32::MIN,
+        |m| m.fallen_last ^= i32::MIN,
+        |m| m.watched = m.watch_ticks + 1,
+        |m| m.lowest_v = -m.lowest_v,
+        |m| m.highest_v = -m.highest_v,
+        |m| m.highest_v = f32::NAN,
+    ];
+    for (index, flip) in flips.into_iter().enumerate() {
+        let mut flipped = monitor;
+        flip(&mut flipped);
+        assert!(!flipped.is_sound(3000.0), "flip {index}");
+    }
+}
