@@ -8,6 +8,7 @@ mod bent_laws;
 mod coarser;
 mod compressed_memory;
 mod compression_bound;
+mod constants;
 mod continuous_oracle;
 mod curves;
 mod dual_numbers;
