@@ -115,12 +115,7 @@ fn listed() -> Result<Vec<Mutant>> {
 fn generated() -> Result<Vec<Mutant>> {
     let mut files = Vec::new();
     for source in SOURCES {
-        let path = root().join(source);
-        if path.is_file() {
-            files.push(source.to_owned());
-            continue;
-        }
-        files.extend(entries(&path)?.iter().map(|path| format!("{source}/{}", name(path))));
+        sources(source.to_owned(), &mut files)?;
     }
     files.sort();
     let mut mutants = Vec::new();
@@ -134,6 +129,16 @@ fn generated() -> Result<Vec<Mutant>> {
         }
     }
     Ok(mutants)
+}
+
+/// Adds a source, or those of a folder and of its folders.
+fn sources(source: String, files: &mut Vec<String>) -> Result<()> {
+    let path = root().join(&source);
+    if path.is_file() {
+        files.push(source);
+        return Ok(());
+    }
+    entries(&path)?.iter().try_for_each(|path| sources(format!("{source}/{}", name(path)), files))
 }
 
 /// Lines with their places, without those that are comments, attributes or blank.
@@ -218,7 +223,10 @@ fn constants(text: &str) -> Vec<(Range<usize>, Vec<String>)> {
                     length = more(length, '-');
                 }
             }
-            let word = &rest[..length];
+            let mut word = &rest[..length];
+            if word == "ZERO" && line[..from].ends_with("T::") {
+                (from, length, word) = (from - 3, length + 3, "T::ZERO");
+            }
             if !line[..from].ends_with('.') || word.contains('.') {
                 found.push((start + from..start + from + length, others(word)));
             }
@@ -235,8 +243,8 @@ fn others(word: &str) -> Vec<String> {
     let swapped = match word {
         "true" => Some("false"),
         "false" => Some("true"),
-        "ZERO" => Some("ONE"),
-        "ONE" => Some("ZERO"),
+        // Numbers of a step have no other constant.
+        "T::ZERO" => Some("T::from_f64(1.0)"),
         _ => None,
     };
     match (word, plain.parse::<u64>(), plain.parse::<f64>()) {
@@ -371,5 +379,6 @@ fn statements_and_constants_are_found() {
         ["self.a = 0.5;", block, "d(&[c], true);", "self\n        .e\n        .g(1e-3);", "let h = h + 1;"]
     );
     let found = constants(text).into_iter().map(|(range, values)| format!("{} {}", &text[range], values.join(" ")));
+    assert_eq!(constants("[T::ZERO]"), [(1..8, vec!["T::from_f64(1.0)".into()])]);
     assert_eq!(found.collect::<Vec<_>>(), ["0.5 0.625 0.4", "2 3 1", "true false", "1e-3 0.00125 0.0008", "1 2 0"]);
 }
