@@ -43,6 +43,19 @@ fn a_monitor_above_its_band_disagrees() {
     assert!((0..1000).all(|_| monitor.agrees(0.0, 50.0)), "within the band around 0 V");
 }
 
+/// However often it differs in between, sixteen ticks of agreement cancel one of difference, and fifteen do not.
+#[test]
+fn sixteen_ticks_of_agreement_cancel_one_of_difference() {
+    for (inside, agrees) in [(16, true), (15, false)] {
+        let mut monitor = Monitor::new(bench_limits().monitor, RATE_HZ);
+        assert!((0..1000).all(|_| monitor.agrees(4000.0, 4000.0)));
+        // Beyond the band of 60 V and 3 %, and no fall.
+        let shown_v = |tick: u32| if tick % (inside + 1) == 0 { 4190.0 } else { 4000.0 };
+        let all = (0..20_000).fold(true, |all, tick| monitor.agrees(4000.0, shown_v(tick)) && all);
+        assert_eq!(all, agrees, "{inside} ticks");
+    }
+}
+
 /// An amplifier slower than the command is not a fault; one that lags for longer than the settling time is.
 #[test]
 fn the_monitor_s_band_knows_the_amplifier_s_slew() {

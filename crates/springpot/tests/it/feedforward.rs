@@ -280,7 +280,30 @@ fn invalid_limits_are_refused() {
             assert!(matches!(error, ControlError::NotPositive { .. }), "{error}");
         }
     }
+    // Positive, but 0 in single precision: they would hold the reference and the voltage for ever.
+    for limits in [
+        CommandLimits { max_velocity_m_per_s: 1e-43, ..CommandLimits::BENCH },
+        CommandLimits { max_acceleration_m_per_s2: 1e-40, ..CommandLimits::BENCH },
+        CommandLimits { max_slew_v_per_s: 1e-43, ..CommandLimits::BENCH },
+    ] {
+        let error = Feedforward::new(law.clone(), &actuator, limits).expect_err("refused");
+        assert!(matches!(error, ControlError::NotPositive { .. }), "{error}");
+    }
     let thick = Actuator { thickness_m: -1.0, ..actuator };
     let error = Feedforward::new(law, &thick, CommandLimits::BENCH).expect_err("refused");
     assert!(matches!(error, ControlError::Actuator(ActuatorError::NotPositive { .. })), "{error}");
+}
+
+/// Each limit has a bit of its own and a name, and a set shows the names of its limits.
+#[test]
+fn limits_that_were_met_are_shown_by_name() {
+    let bits = Limited::ALL.map(|(limit, _)| limit.bits());
+    assert_eq!(bits, [1, 2, 4, 8, 16, 32, 64, 128]);
+    for (limit, name) in Limited::ALL {
+        assert_eq!(limit.to_string(), name);
+        assert!(limit.contains(limit) && !limit.is_none() && !Limited::NONE.contains(limit));
+    }
+    assert_eq!(Limited::NONE.to_string(), "none");
+    assert!(Limited::NONE.is_none());
+    assert_eq!((Limited::SLEW | Limited::BELOW_ZERO | Limited::FIELD).to_string(), "below-zero+field+slew");
 }
