@@ -123,7 +123,6 @@ impl Monitor {
             let scaled = AmplifierLag { rise_s: by * lag.rise_s, fall_s: by * lag.fall_s };
             AmplifierModel::lagging(scaled, step_s).map_err(|_| LimitsError::Amplifier(lag))
         };
-        model(1.0)?;
         let lag = model(MAX_SPEED_RATIO)?.zip(model(MIN_SPEED_RATIO)?).map(|(slow, fast)| [slow, fast]);
         Ok(Self { lag, ..self })
     }

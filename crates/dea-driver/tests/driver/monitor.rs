@@ -2,7 +2,8 @@
 
 use dea_driver::server::Denial;
 use dea_driver::{
-    Blob, Cause, Controller, Device, DriverState, Inputs, Monitor, Parameters, Readings, Refusal, Supervisor,
+    Blob, Cause, Controller, Device, DriverState, Inputs, Monitor, MonitorLimits, Parameters, Readings, Refusal,
+    Supervisor,
 };
 
 use crate::bench::{bench_limits, board_parameters, changed_parameters, readings};
@@ -53,6 +54,35 @@ fn sixteen_ticks_of_agreement_cancel_one_of_difference() {
         let shown_v = |tick: u32| if tick % (inside + 1) == 0 { 4190.0 } else { 4000.0 };
         let all = (0..20_000).fold(true, |all, tick| monitor.agrees(4000.0, shown_v(tick)) && all);
         assert_eq!(all, agrees, "{inside} ticks");
+    }
+}
+
+/// Falls of a tick, by more than the band of 60 V and 3 %: more than six for which ten seconds each have not made up, or more than 30.
+#[test]
+fn falls_that_are_too_often_trip() {
+    // Every 5 s: the twelfth is the first that leaves more than 60 s.
+    for (period_s, falls) in [(5, 12), (10, 31)] {
+        let mut monitor = Monitor::new(bench_limits().monitor, RATE_HZ);
+        assert!((0..1000).all(|_| monitor.agrees(4000.0, 4000.0)));
+        let disagrees = |monitor: &mut Monitor| {
+            let agrees = monitor.agrees(4000.0, 3810.0);
+            !((1..1000 * period_s).fold(agrees, |agrees, _| monitor.agrees(4000.0, 4000.0) && agrees))
+        };
+        let first = (1..100).find(|_| disagrees(&mut monitor));
+        assert_eq!(first, Some(falls), "every {period_s} s");
+        assert!(monitor.falls_too_often() && monitor.falls() == falls);
+        monitor.reset();
+        assert!(!monitor.falls_too_often() && monitor.falls() == 0);
+    }
+}
+
+/// The settling time is rounded to the nearest tick.
+#[test]
+fn the_settling_time_is_the_nearest_ticks() {
+    for (settle_s, ticks) in [(0.02, 20), (0.020_45, 20), (0.020_55, 21)] {
+        let mut monitor = Monitor::new(MonitorLimits { settle_s, ..bench_limits().monitor }, RATE_HZ);
+        assert!((0..1000).all(|_| monitor.agrees(4000.0, 4000.0)));
+        assert_eq!((0..100).find(|_| !monitor.agrees(4000.0, 4190.0)), Some(ticks), "{settle_s} s");
     }
 }
 

@@ -127,6 +127,29 @@ fn an_observer_has_the_constants_of_its_bandwidth() {
     );
 }
 
+/// A time of 0 turns the adaptation off, any other one on; a film that has no losses needs no proportional action.
+#[test]
+fn an_observer_adapts_unless_its_time_is_0() {
+    let spring = Maxwell::new(Springpot::new(SPRING, 0.0), &[], Topology::Parallel, 0.0).expect("valid");
+    for (adaptation_s, adapting, forgetting) in
+        [(0.0, 0.0, 0.0), (0.5, 1.0, weight(2.0, STEP_S)), (f64::INFINITY, 1.0, 0.0)]
+    {
+        let law = Law::compressed(&spring, LawOptions::at_step(STEP_S)).expect("a law");
+        let options = ObserverOptions { adaptation_s, ..ObserverOptions::at_bandwidth(BANDWIDTH_HZ) };
+        let tracking = Tracking::<f64>::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH, options).expect("valid");
+        let mut visited = Visited::default();
+        tracking.numbers(&mut visited);
+        let number = |wanted: &str| {
+            visited.values.iter().find(|(of, name, _)| (*of, *name) == ("observer", wanted)).expect("there").2
+        };
+        assert!(
+            (number("forgetting") - forgetting).abs() < 1e-12 && number("adapting") == adapting,
+            "{adaptation_s} s"
+        );
+        assert!(number("gains").abs() < 1e-6, "{}", number("gains"));
+    }
+}
+
 /// The correction fades from 0.6 to 0.85 bandwidths. A sine through a high-pass of 2 / ω, whose path is low-passed with the same time, has the path length
 /// over the net excursion of √(1 + 4 r²) at r bandwidths.
 #[test]

@@ -102,6 +102,18 @@ fn predicts_exactly_what_the_model_knows() {
     }
 }
 
+/// Before the first tick there is nothing to report, and all of the correction is in use.
+#[test]
+fn a_new_state_knows_nothing_but_its_film() {
+    let observer = observer(ObserverOptions::at_bandwidth(0.6));
+    let state = observer.state(observer.law().state());
+    let zeros = [state.displacement(), state.disturbance(), state.innovation(), state.statistics().mean()];
+    assert_eq!((zeros, state.statistics().variance()), ([0.0; 4], 0.0));
+    assert_eq!((state.force_scale(), state.share(), state.ticks_since_sample()), (1.0, 1.0, 0));
+    let at_0_v = VoltageDrive::<f32>::new(&Actuator::KARNER_2022, 6000.0, observer.law().stiffness()).expect("valid");
+    assert_eq!(state.load(), at_0_v.load(0.0));
+}
+
 /// An unknown force is found, whether samples arrive every tick, every tenth tick, or late.
 #[test]
 fn finds_an_unknown_force_within_the_bandwidth() {
