@@ -76,6 +76,20 @@ fn falls_that_are_too_often_trip() {
     }
 }
 
+/// Whatever it has seen, a monitor that is reset is as a new one.
+#[test]
+fn a_monitor_that_is_reset_is_a_new_one() {
+    let new = Monitor::new(bench_limits().monitor, RATE_HZ);
+    let mut used = new;
+    for tick in 0..2000 {
+        // Arcs until one is too many, and voltage that was not commanded.
+        let _ = used.agrees(4000.0, if tick % 300 == 299 { 0.0 } else { 4200.0 });
+    }
+    assert!(used.falls() > 0 && !used.agrees(4000.0, 4000.0));
+    used.reset();
+    assert_eq!(format!("{used:?}"), format!("{new:?}"));
+}
+
 /// The settling time is rounded to the nearest tick.
 #[test]
 fn the_settling_time_is_the_nearest_ticks() {
