@@ -242,14 +242,17 @@ fn one_impossible_counter_or_voltage_is_not_sound() {
     assert!(monitor.agrees(3000.0, 0.0));
     assert!([monitor.excess, monitor.watched, monitor.fallen, monitor.fallen_last].iter().all(|&count| count > 0));
     assert!(monitor.is_sound(3000.0) && !monitor.is_sound(2990.0));
+    // A volt beyond what was commanded is rounding.
+    (monitor.lowest_v, monitor.highest_v) = (-0.9, 3000.9);
+    assert!(monitor.is_sound(3000.0));
     let flips: [fn(&mut Monitor); 8] = [
         |m| m.excess ^= i32::MIN,
         |m| m.watched ^= i32::MIN,
         |m| m.fallen ^= i32::MIN,
         |m| m.fallen_last ^= i32::MIN,
         |m| m.watched = m.watch_ticks + 1,
-        |m| m.lowest_v = -m.lowest_v,
-        |m| m.highest_v = -m.highest_v,
+        |m| m.lowest_v = -1.1,
+        |m| m.highest_v = 3001.1,
         |m| m.highest_v = f32::NAN,
     ];
     for (index, flip) in flips.into_iter().enumerate() {

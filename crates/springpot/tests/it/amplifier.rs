@@ -159,3 +159,18 @@ fn the_amplifiers_time_follows_from_the_monitor() {
     println!("as stated: {:.2} and {:.2} µm", 1e6 * exact, 1e6 * informed);
     assert!(informed < exact + 0.3e-6, "{informed}, {exact}");
 }
+
+/// One that rises at once shows nothing of its speed while it rises, whatever the monitor reads: then its bleeder has the stated time.
+#[test]
+fn an_amplifier_that_rises_at_once_is_no_faster() {
+    let feedforward = feedforward(AmplifierLag { rise_s: 0.0, fall_s: 0.05 });
+    let mut state = feedforward.state(feedforward.law().state());
+    for k in 1..1000 {
+        let commanded_v = 2.0 * f64::from(k);
+        feedforward.apply(&mut state, Applied::as_monitored(commanded_v, 0.9 * commanded_v));
+    }
+    let before_v = state.film_voltage();
+    feedforward.apply(&mut state, Applied::as_commanded(0.0));
+    let left = state.film_voltage() / before_v;
+    assert!((left - (-STEP_S / 0.05).exp()).abs() < 1e-9, "{left}");
+}
