@@ -15,6 +15,7 @@ fn a_monitor_at_its_limit_is_within_it() {
     let limits = bench_limits();
     let shown = |monitor_v| readings(monitor_v, 1e-6, 0.0);
     let mut supervisor = Supervisor::new(&limits, RATE_HZ).expect("valid");
+    assert_eq!((supervisor.ticks(), supervisor.tripped_at(), supervisor.command_v()), (0, 0, 0.0));
     supervisor.check(shown(limits.monitor.band_v));
     assert!(!supervisor.is_film_live() && !supervisor.runs());
     supervisor.arm().expect("at 0 V");
@@ -147,11 +148,46 @@ fn a_film_that_was_live_for_long_is_acknowledged_once() {
     assert_eq!(reported, Some(1001));
 }
 
+/// Voltage that is there when the supervisor starts is no discharge: the film has to be at 0 V for a second before it is armed.
+#[test]
+fn a_film_that_is_live_at_the_start_is_not_discharging() {
+    let mut supervisor = Supervisor::new(&bench_limits(), RATE_HZ).expect("valid");
+    for monitor_v in [3000.0, 0.0] {
+        supervisor.check(readings(monitor_v, 1e-6, 0.0));
+    }
+    for tick in 1..1000u16 {
+        assert_eq!(supervisor.arm(), Err(Refusal::LiveVoltage), "tick {tick}");
+        supervisor.check(readings(0.0, 1e-6 * f32::from(tick % 3), 0.0));
+    }
+    assert_eq!(supervisor.arm(), Ok(()));
+}
+
+/// The time without a host and the time of a discharge are rounded to the nearest tick.
+#[test]
+fn times_of_a_supervisor_are_the_nearest_ticks() {
+    for (part_s, part) in [(0.0, 0), (0.45e-3, 0), (0.55e-3, 1)] {
+        let mut limits = bench_limits();
+        (limits.heartbeat_s, limits.discharge_s) = (0.1 + part_s, 1.0 + part_s);
+        let mut supervisor = Supervisor::new(&limits, RATE_HZ).expect("valid");
+        let trips = |supervisor: &mut Supervisor, monitor_v: f32, cause: Cause| {
+            let states = (1..2000).map(|_| supervisor.check(readings(monitor_v, 1e-6, 0.0)).state);
+            states.take_while(|state| *state != DriverState::Tripped(cause)).count()
+        };
+        assert_eq!(trips(&mut supervisor, 3000.0, Cause::LiveFilm), 1000 + part, "{part_s} s");
+        let mut supervisor = Supervisor::new(&limits, RATE_HZ).expect("valid");
+        supervisor.check(readings(0.0, 1e-6, 0.0));
+        supervisor.arm().expect("at 0 V");
+        supervisor.start().expect("armed");
+        assert_eq!(trips(&mut supervisor, 0.0, Cause::Heartbeat), 100 + part, "{part_s} s");
+    }
+}
+
 /// A disabled amplifier that gives voltage now and then is reported within a minute if it does so for more than a fifth of the time, and is
 /// not armed in between, however rarely it does.
 #[test]
 fn an_amplifier_that_is_live_now_and_then_is_noticed() {
-    let periods = [(499, 1000, true), (5, 10, true), (999, 2000, true), (3, 10, true), (1, 10, false)];
+    let periods =
+        [(499, 1000, true), (5, 10, true), (999, 2000, true), (22, 100, true), (18, 100, false), (1, 10, false)];
     for ((live, period, reported), after_a_run) in periods.into_iter().flat_map(|case| [(case, false), (case, true)]) {
         let mut bench = if after_a_run { Bench::run(&bench_limits()) } else { Bench::new(&bench_limits()) };
         bench.supervisor.disarm().expect("not tripped");
@@ -191,8 +227,12 @@ fn a_film_that_stays_live_is_noticed() {
         bench.tick(live);
         assert_eq!(bench.supervisor.state(), DriverState::Tripped(Cause::LiveFilm), "{name}");
         assert_eq!((bench.supervisor.monitor_v(), bench.supervisor.is_film_live()), (4211.0, true));
-        assert_eq!(bench.supervisor.acknowledge(), Err(Refusal::LiveVoltage), "{name}");
-        bench.ticks(1000, |_| ());
+        // And until it has been at 0 V for a second, after a run as well.
+        for ticks in [0, 1, 998] {
+            bench.ticks(ticks, |_| ());
+            assert_eq!(bench.supervisor.acknowledge(), Err(Refusal::LiveVoltage), "{name}, {ticks} more at 0 V");
+        }
+        bench.tick(|_| ());
         bench.is_safe(Cause::LiveFilm);
     }
     // One that arcs, and a monitor that does not answer now and then, hide nothing; nor does one that never answers again.

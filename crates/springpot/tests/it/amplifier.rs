@@ -121,6 +121,8 @@ fn invalid_amplifier_times_are_refused() {
             AmplifierModel::<f32>::new(AmplifierLag { rise_s: 0.0, fall_s: wrong }, STEP_S).expect_err("refused");
         assert!(matches!(error, ControlError::OutOfRange { quantity: "amplifier.fall_s", .. }), "{error}");
     }
+    let slowest = AmplifierLag { rise_s: 10.0, fall_s: 10.0 };
+    assert_eq!(AmplifierModel::<f32>::new(slowest, STEP_S).map(drop), Ok(()));
 }
 
 /// The largest error of the last of six cycles of a sine of 3 s, m.

@@ -61,8 +61,13 @@ impl Visited {
 }
 
 fn law() -> Law<f64> {
+    law_of(SPRING)
+}
+
+/// The film with another spring that stays, N/m.
+fn law_of(spring: f64) -> Law<f64> {
     let branch = [Springpot::new(RELAXES, 0.0), Springpot::new(RELAXES * RELAXATION_S, 1.0)];
-    let model = Maxwell::new(Springpot::new(SPRING, 0.0), &[branch], Topology::Parallel, 0.0).expect("valid");
+    let model = Maxwell::new(Springpot::new(spring, 0.0), &[branch], Topology::Parallel, 0.0).expect("valid");
     Law::compressed(&model, LawOptions::at_step(STEP_S)).expect("a law")
 }
 
@@ -265,6 +270,23 @@ fn an_adaptation_has_the_constants_of_its_expectations() {
         assert!(found == expected || (found - expected).abs() < 5e-3 * expected.abs(), "{found} instead of {expected}");
     }
     assert_eq!(found.len(), rows.as_flattened().len());
+}
+
+/// What relaxes is told apart from all of the stiffness up to nine tenths of it.
+#[test]
+fn a_film_that_relaxes_nearly_completely_has_one_stiffness() {
+    let relaxes = stiffness_at(BANDWIDTH_HZ)[0] - SPRING;
+    for (spring, is_apart) in [(2e3, true), (500.0, false)] {
+        let options = ObserverOptions::at_bandwidth(BANDWIDTH_HZ);
+        let tracking =
+            Tracking::<f64>::new(law_of(spring), &Actuator::KARNER_2022, CommandLimits::BENCH, options).expect("valid");
+        let mut visited = Visited::default();
+        tracking.numbers_of_changes(&mut visited);
+        let found = visited.values.iter().find(|(.., name, _)| *name == "share").expect("there").2;
+        let share = if is_apart { relaxes / (spring + relaxes) } else { 0.0 };
+        // As far as steps of 1 ms are from the continuous film.
+        assert!((found - share).abs() < 1e-3, "{found} instead of {share}");
+    }
 }
 
 #[test]
