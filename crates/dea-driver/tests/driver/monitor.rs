@@ -16,6 +16,9 @@ fn a_monitor_at_its_limit_is_within_it() {
     let shown = |monitor_v| readings(monitor_v, 1e-6, 0.0);
     let mut supervisor = Supervisor::new(&limits, RATE_HZ).expect("valid");
     assert_eq!((supervisor.ticks(), supervisor.tripped_at(), supervisor.command_v()), (0, 0, 0.0));
+    // There are no readings yet.
+    let refusals: Vec<Refusal> = supervisor.refusals().collect();
+    assert_eq!(refusals, [Refusal::InterlockOpen, Refusal::LiveVoltage]);
     supervisor.check(shown(limits.monitor.band_v));
     assert!(!supervisor.is_film_live() && !supervisor.runs());
     supervisor.arm().expect("at 0 V");
@@ -298,6 +301,19 @@ fn an_upload_does_not_hide_a_film_that_is_live() {
         assert_eq!(release(&mut device), Err(Denial::Refused(Refusal::LiveVoltage)), "live for {live_ticks} ticks");
         run(&mut device, 1, 0.0);
         assert_eq!(release(&mut device), Ok(()), "live for {live_ticks} ticks");
+    }
+    // A tick before the second is over it begins again.
+    let mut device = Device::new(None);
+    upload(&mut device, board_parameters());
+    run(&mut device, 500, 3000.0);
+    run(&mut device, 999, 0.0);
+    upload(&mut device, board_parameters());
+    run(&mut device, 999, 0.0);
+    assert_eq!(device.arm(), Err(Denial::Refused(Refusal::LiveVoltage)));
+    // A discharge that takes no tick.
+    for _ in 0..2 {
+        upload(&mut device, changed_parameters(|p| p.limits.discharge_s = 1e-4));
+        run(&mut device, 2, 0.0);
     }
     // Nine tenths of the time stay that, of a time with twice as many ticks as well.
     for (share, within, then) in [(1.0, 99, 2), (2.0, 190, 12)] {
