@@ -254,3 +254,14 @@ fn a_reset_sensor_has_no_past() {
     assert_eq!(sensor.check(5e-3, 1e-3, false), None);
     assert_eq!(sensor.check(5e-3, 5e-3, true), Some(SensorFault::Stuck));
 }
+
+/// The first good value after one that is not is a jump; then ten in a row end the fault.
+#[test]
+fn ten_good_values_in_a_row_end_a_fault() {
+    let mut sensor = Plausibility::new(LIMITS);
+    assert_eq!(sensor.check(f32::NAN, 0.0, false), Some(SensorFault::Range));
+    assert_eq!(sensor.check(0.0, 0.0, false), Some(SensorFault::Jump));
+    let faults: Vec<_> = (1..=10u8).map(|tick| sensor.check(1e-6 * f32::from(tick), 0.0, false)).collect();
+    assert_eq!(faults[..9], [Some(SensorFault::Jump); 9]);
+    assert_eq!(faults[9], None);
+}

@@ -152,6 +152,12 @@ fn an_observer_adapts_unless_its_time_is_0() {
             "{adaptation_s} s"
         );
         assert!(number("gains").abs() < 1e-6, "{}", number("gains"));
+        // Nothing of it relaxes: all of the stiffness lasts, and a round has no modes.
+        let mut changes = Visited::default();
+        tracking.numbers_of_changes(&mut changes);
+        let [first, count, _, lasting] = [0, 1, 2, 3].map(|index| changes.values[index].2);
+        assert_eq!((first, count), (0.0, 0.0));
+        assert!((lasting - SPRING).abs() < 1e-6, "{lasting} N/m");
     }
 }
 
