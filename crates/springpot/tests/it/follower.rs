@@ -95,7 +95,7 @@ fn cycles(follower: &Follower<f32>, state: &mut FollowerState<f32>, film: &mut F
 /// The next run begins with the learned cycles of the last one if they are carried over, and without them otherwise.
 #[test]
 fn learned_cycles_are_carried_over_on_order() {
-    let run = |carries_over: bool| {
+    let run = |carries_over: bool, forgets: bool| {
         let follower = tracking();
         let mut state = follower.state(law().state());
         // Learning alone takes the samples.
@@ -112,9 +112,14 @@ fn learned_cycles_are_carried_over_on_order() {
         if carries_over {
             state.carry_over();
         }
+        if forgets {
+            state.forget_cycles();
+        }
         (first, cycles(&follower, &mut state, &mut film, 10))
     };
-    let ((first, carried), (_, anew)) = (run(true), run(false));
+    let ((first, carried), (_, anew), (_, forgotten)) = (run(true, false), run(false, false), run(true, true));
+    // What was forgotten after the order is not carried over.
+    assert_eq!(forgotten, anew);
     assert!(first[2] > 10e-6 && first[39] < 1e-6, "{first:?}");
     let [carried, anew] = [carried, anew].map(|errors| errors[2]);
     println!("third cycle: {:.2} µm carried over, {:.2} µm anew", 1e6 * carried, 1e6 * anew);

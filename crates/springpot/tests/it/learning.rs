@@ -5,7 +5,8 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{
-    Actuator, LawOptions, Learning, LearningOptions, LearningState, Limited, Maxwell, SensorSample, Springpot, Topology,
+    Actuator, ControlError, LawOptions, Learning, LearningOptions, LearningState, Limited, Maxwell, SensorSample,
+    Springpot, Topology,
 };
 
 use crate::support::full_sweep;
@@ -39,10 +40,13 @@ impl Oscillator {
 }
 
 fn learning(period_s: Option<f64>) -> Learning<f32> {
+    learning_with(LearningOptions { period_s, ..LearningOptions::BENCH }).expect("valid")
+}
+
+fn learning_with(options: LearningOptions) -> Result<Learning<f32>, ControlError> {
     let model = Maxwell::new(Springpot::new(5000.0, 0.1), &[], Topology::Parallel, 0.0).expect("valid");
     let law: springpot::Law<f32> = springpot::Law::compressed(&model, LawOptions::at_step(STEP_S)).expect("valid");
-    let options = LearningOptions { period_s, ..LearningOptions::BENCH };
-    Learning::new(&law, &Actuator::KARNER_2022, 6000.0, options).expect("valid")
+    Learning::new(&law, &Actuator::KARNER_2022, 6000.0, options)
 }
 
 /// A loop around an oscillator: a sensor of 100 Hz with 2 µm of noise.
@@ -266,4 +270,21 @@ fn limits_reduce_the_correction() {
     }
     let left = f64::from(film.state.added()).abs();
     assert!(learned > 3e-5 && left < 0.01 * learned, "{left:e} of {learned:e}");
+}
+
+#[test]
+fn invalid_options_are_refused() {
+    for harmonics in [0, 7] {
+        let refused = learning_with(LearningOptions { harmonics, ..LearningOptions::BENCH });
+        assert_eq!(refused, Err(ControlError::Harmonics { harmonics }));
+    }
+    for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        for options in [
+            LearningOptions { period_s: Some(wrong), ..LearningOptions::BENCH },
+            LearningOptions { sample_interval_s: wrong, ..LearningOptions::BENCH },
+        ] {
+            assert!(matches!(learning_with(options), Err(ControlError::NotPositive { .. })), "{options:?}");
+        }
+    }
+    assert!(learning_with(LearningOptions { harmonics: 1, ..LearningOptions::BENCH }).is_ok());
 }
