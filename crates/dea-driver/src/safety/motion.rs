@@ -255,8 +255,8 @@ impl Motion {
         }
         self.compare(means, drive_m);
         if is_plausible {
+            // In later blocks the film is presumed to be so or is softer, or has been shown.
             if self.presumes {
-                self.presumes = false;
                 self.presume_softer_now();
             }
             self.soften(means);
