@@ -61,14 +61,14 @@ impl Visited {
 }
 
 fn law() -> Law<f64> {
-    law_of(SPRING)
+    law_of(SPRING, STEP_S)
 }
 
-/// The film with another spring that stays, N/m.
-fn law_of(spring: f64) -> Law<f64> {
+/// The film with another spring that stays, N/m, or another step.
+fn law_of(spring: f64, step_s: f64) -> Law<f64> {
     let branch = [Springpot::new(RELAXES, 0.0), Springpot::new(RELAXES * RELAXATION_S, 1.0)];
     let model = Maxwell::new(Springpot::new(spring, 0.0), &[branch], Topology::Parallel, 0.0).expect("valid");
-    Law::compressed(&model, LawOptions::at_step(STEP_S)).expect("a law")
+    Law::compressed(&model, LawOptions::at_step(step_s)).expect("a law")
 }
 
 /// Largest force, N.
@@ -285,7 +285,8 @@ fn a_film_that_relaxes_nearly_completely_has_one_stiffness() {
     for (spring, is_apart) in [(2e3, true), (500.0, false)] {
         let options = ObserverOptions::at_bandwidth(BANDWIDTH_HZ);
         let tracking =
-            Tracking::<f64>::new(law_of(spring), &Actuator::KARNER_2022, CommandLimits::BENCH, options).expect("valid");
+            Tracking::<f64>::new(law_of(spring, STEP_S), &Actuator::KARNER_2022, CommandLimits::BENCH, options)
+                .expect("valid");
         let mut visited = Visited::default();
         tracking.numbers_of_changes(&mut visited);
         let found = visited.values.iter().find(|(.., name, _)| *name == "share").expect("there").2;
@@ -350,6 +351,18 @@ fn learning_has_the_stated_constants() {
             ("turn", &[TAU]),
         ],
     );
+}
+
+/// At 50 Hz a round of visits takes longer than their time constant: each goes all the way.
+#[test]
+fn learning_goes_all_the_way_at_most() {
+    let slow = law_of(SPRING, 0.02);
+    let options = LearningOptions { sample_interval_s: 0.02, ..LearningOptions::BENCH };
+    let learning = Learning::<f64>::new(&slow, &Actuator::KARNER_2022, 6000.0, options).expect("valid");
+    let mut visited = Visited::default();
+    learning.numbers(&mut visited);
+    let approach = visited.values.iter().find(|(_, name, _)| *name == "approach").expect("there").2;
+    assert_eq!(approach, 1.0);
 }
 
 /// Five periods of four ticks, and monitors of 16 bits over 6 kV and 0.5 mA with noise of 2 bits. The filter of three ticks has a gain of 8 at the tone.
