@@ -55,8 +55,8 @@ fn sixteen_ticks_of_agreement_cancel_one_of_difference() {
         let mut monitor = Monitor::new(bench_limits().monitor, RATE_HZ);
         assert!((0..1000).all(|_| monitor.agrees(4000.0, 4000.0)));
         // Beyond the band of 60 V and 3 %, and no fall.
-        let shown_v = |tick: u32| if tick % (inside + 1) == 0 { 4190.0 } else { 4000.0 };
-        let all = (0..20_000).fold(true, |all, tick| monitor.agrees(4000.0, shown_v(tick)) && all);
+        let shown_v = |tick: u32| if tick.is_multiple_of(inside + 1) { 4190.0 } else { 4000.0 };
+        let all = (0..20_000).all(|tick| monitor.agrees(4000.0, shown_v(tick)));
         assert_eq!(all, agrees, "{inside} ticks");
     }
 }
