@@ -278,7 +278,7 @@ fn an_adaptation_has_the_constants_of_its_expectations() {
     assert_eq!(found.len(), rows.as_flattened().len());
 }
 
-    /// Relaxation is separated from stiffness up to nine tenths of it.
+/// Relaxation is separated from stiffness up to nine tenths of it.
 #[test]
 fn a_film_that_relaxes_nearly_completely_has_one_stiffness() {
     let relaxes = stiffness_at(BANDWIDTH_HZ)[0] - SPRING;
