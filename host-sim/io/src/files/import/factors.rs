@@ -1,18 +1,7 @@
-//! Factors in titles of columns and in lines above them, which numbers may have or not.
+//! Factors in titles of columns, which their numbers may have or not.
 
-use super::names::{letter_quantity, quantity, without_brackets, words};
-use super::words::{FACTORS, is_of};
-use super::{Request, units};
-
-/// Whether a `line` above the names states the factor of what one of its words names: `HV divider 2000:1`, `Laser x10`.
-pub(super) fn states_factor(line: &str) -> bool {
-    let is_ratio = |part: &str| match part.split_once(':') {
-        Some(("1", other) | (other, "1")) => other.parse::<u32>().is_ok_and(|other| other > 1),
-        _ => is_factor(&part.to_lowercase()),
-    };
-    let mut parts = line.split(|c: char| c.is_whitespace() || "()[],;=".contains(c));
-    parts.any(is_ratio) && quantity(line, &Request { wanted: &[], needed: &[] }).is_some()
-}
+use super::units;
+use super::words::{FACTORS, is_of, letter_quantity, without_brackets, words};
 
 /// Whether `word` is a factor such as x2.
 pub(super) fn is_factor(word: &str) -> bool {

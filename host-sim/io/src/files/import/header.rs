@@ -1,10 +1,11 @@
 //! The header above rows of numbers: preamble, names, units.
 
+use super::Request;
 use super::beginnings::Beginnings;
-use super::factors;
+use super::factors::is_factor;
 use super::interval::{self, Stated};
 use super::lines::Fault;
-use super::names::{Title, UnitSense, unit_cell};
+use super::names::{Title, UnitSense, quantity, unit_cell};
 use super::numbers::is_number;
 
 /// A row above the numbers, or the first of them.
@@ -179,8 +180,8 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
         }
     }
     (head.line, head.preamble) = (row.line, index);
-    let states_factor = |above: &&TopRow| above.line < row.line && factors::states_factor(&above.cells.join(" "));
-    head.gains = head.gains.or_else(|| above.iter().find(states_factor).map(|above| above.line));
+    let states = |above: &&TopRow| above.line < row.line && states_factor(&above.cells.join(" "));
+    head.gains = head.gains.or_else(|| above.iter().find(states).map(|above| above.line));
     Ok(head)
 }
 
@@ -238,4 +239,14 @@ fn is_units(row: &TopRow, above: &[&TopRow], columns: usize) -> bool {
             && !is_units(names, &[], columns)
     };
     units >= columns.min(2) && (unknown == 0 || (unknown <= units + known && above.iter().any(are_names)))
+}
+
+/// Whether a `line` above the names states the factor of what one of its words names: `HV divider 2000:1`, `Laser x10`.
+fn states_factor(line: &str) -> bool {
+    let is_ratio = |part: &str| match part.split_once(':') {
+        Some(("1", other) | (other, "1")) => other.parse::<u32>().is_ok_and(|other| other > 1),
+        _ => is_factor(&part.to_lowercase()),
+    };
+    let mut parts = line.split(|c: char| c.is_whitespace() || "()[],;=".contains(c));
+    parts.any(is_ratio) && quantity(line, &Request { wanted: &[], needed: &[] }).is_some()
 }

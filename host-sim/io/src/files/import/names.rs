@@ -3,8 +3,8 @@
 use super::factors::{is_factor, is_scaled};
 use super::units::{self, Unit};
 use super::words::{
-    DEGREES, DERIVED, DRIVEN, ELSEWHERE, LETTERS, MACHINES, NO_CELSIUS, NO_TIMES, OF_TWO_VOLTAGES, ORDERED,
-    OTHER_UNITS, OTHER_WORDS, SIZES, STEPS, TEMPERATURES, TRUE_STRESS, WORDS, is_of,
+    DEGREES, DERIVED, DRIVEN, ELSEWHERE, MACHINES, NO_CELSIUS, NO_TIMES, OF_TWO_VOLTAGES, ORDERED, OTHER_UNITS,
+    OTHER_WORDS, SIZES, STEPS, TEMPERATURES, TRUE_STRESS, WORDS, is_of, letter_quantity, without_brackets, words,
 };
 use super::{Names, Quantity, Request};
 
@@ -72,9 +72,6 @@ pub enum Doubt {
     Scaled,
 }
 
-/// Opening and closing brackets around units.
-const BRACKETS: [(char, char); 4] = [('(', ')'), ('[', ']'), ('{', '}'), ('（', '）')];
-
 impl Doubt {
     /// As an error says it of a column.
     pub fn text(self) -> &'static str {
@@ -141,27 +138,6 @@ fn has(word: &str, part: &str) -> bool {
 fn is_negated(name: &str) -> bool {
     let behind = name.trim_start().strip_prefix(['-', '\u{2212}', '\u{2013}']);
     behind.is_some_and(|name| name.trim_start().starts_with(char::is_alphabetic))
-}
-
-/// The words of `name` in small letters, also those that begin with a capital within a word.
-pub(super) fn words(name: &str) -> Vec<String> {
-    let mut words = Vec::new();
-    for word in name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()) {
-        words.push(word.to_lowercase());
-        let mut start = 0;
-        let mut before = ' ';
-        for (at, c) in word.char_indices() {
-            if before.is_lowercase() && c.is_uppercase() {
-                words.push(word[start..at].to_lowercase());
-                start = at;
-            }
-            before = c;
-        }
-        if start > 0 {
-            words.push(word[start..].to_lowercase());
-        }
-    }
-    words
 }
 
 /// Whether `name` has the Chinese word `candidate`: there are no blanks between those.
@@ -369,41 +345,6 @@ fn ends_in_factor(name: &str, unit: UnitSense) -> bool {
     let is_time = unit.is_of(Quantity::Time);
     let counts = |word: &str| matches!(word, "in" | "à" | "of" | "von" | "de");
     is_number && (is_time || last.chars().count() > 1 || words.next().is_some_and(counts))
-}
-
-/// Text outside of brackets, and inside of each pair.
-pub(super) fn without_brackets(title: &str) -> (String, Vec<String>) {
-    let (mut outside, mut inside) = (String::new(), Vec::new());
-    let mut open: Option<(char, String)> = None;
-    for letter in title.chars() {
-        match &mut open {
-            Some((end, text)) => {
-                if letter == *end {
-                    inside.push(std::mem::take(text));
-                    open = None;
-                } else {
-                    text.push(letter);
-                }
-            }
-            None => match BRACKETS.iter().find(|(start, _)| *start == letter) {
-                Some((_, end)) => {
-                    outside.push(' ');
-                    open = Some((*end, String::new()));
-                }
-                None => outside.push(letter),
-            },
-        }
-    }
-    if let Some((_, text)) = open {
-        outside.push_str(&text);
-    }
-    (outside, inside)
-}
-
-/// The quantity of a name of one letter.
-pub(super) fn letter_quantity(name: &str) -> Option<Quantity> {
-    let name = name.trim().to_lowercase();
-    LETTERS.iter().find(|(_, letters)| is_of(letters, &name)).map(|(quantity, _)| *quantity)
 }
 
 /// The quantity of a `name` with a `unit`: u and v in a unit of length are displacements in mechanics, so they name nothing.

@@ -104,3 +104,62 @@ pub(super) const ELSEWHERE: &str = "mains line grid netz secteur netspanning ret
     cooler peltier piezo aux auxiliary logic gate bridge shunt thermocouple photodiode sensor gauge pot input vin uin \
     eingang entrée entrada ingresso steuer ai adc cc dd bus usb ups psu 5v 12v 24v enable disable status state \
     switch relay current strom courant corrente corriente 电流 電流 市电 電源 电源 控制 输入";
+
+/// The words of `name` in small letters, also those that begin with a capital within a word.
+pub(super) fn words(name: &str) -> Vec<String> {
+    let mut words = Vec::new();
+    for word in name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()) {
+        words.push(word.to_lowercase());
+        let mut start = 0;
+        let mut before = ' ';
+        for (at, c) in word.char_indices() {
+            if before.is_lowercase() && c.is_uppercase() {
+                words.push(word[start..at].to_lowercase());
+                start = at;
+            }
+            before = c;
+        }
+        if start > 0 {
+            words.push(word[start..].to_lowercase());
+        }
+    }
+    words
+}
+
+/// Opening and closing brackets around units.
+const BRACKETS: [(char, char); 4] = [('(', ')'), ('[', ']'), ('{', '}'), ('（', '）')];
+
+/// Text outside of brackets, and inside of each pair.
+pub(super) fn without_brackets(title: &str) -> (String, Vec<String>) {
+    let (mut outside, mut inside) = (String::new(), Vec::new());
+    let mut open: Option<(char, String)> = None;
+    for letter in title.chars() {
+        match &mut open {
+            Some((end, text)) => {
+                if letter == *end {
+                    inside.push(std::mem::take(text));
+                    open = None;
+                } else {
+                    text.push(letter);
+                }
+            }
+            None => match BRACKETS.iter().find(|(start, _)| *start == letter) {
+                Some((_, end)) => {
+                    outside.push(' ');
+                    open = Some((*end, String::new()));
+                }
+                None => outside.push(letter),
+            },
+        }
+    }
+    if let Some((_, text)) = open {
+        outside.push_str(&text);
+    }
+    (outside, inside)
+}
+
+/// The quantity of a name of one letter.
+pub(super) fn letter_quantity(name: &str) -> Option<Quantity> {
+    let name = name.trim().to_lowercase();
+    LETTERS.iter().find(|(_, letters)| is_of(letters, &name)).map(|(quantity, _)| *quantity)
+}
