@@ -22,6 +22,8 @@ const HEARTBEAT_EVERY: u64 = 2;
 const STATUS_EVERY: u64 = 10;
 /// So many values in a row may get lost on the line.
 const MAX_LOST: u32 = 2;
+/// It waits for so long for a film that was live before it is armed again; one that takes longer to discharge is not armed.
+const MAX_WAIT: Duration = Duration::from_secs(2);
 /// A board that has sent no sample for so long does not tick.
 const SILENT: Duration = Duration::from_secs(2);
 /// Change of a tuned scale per value: all of it in two seconds.
@@ -299,6 +301,11 @@ impl<'a> Board<'a> {
     }
 
     fn arm(&mut self, permit: Permit, token: Token) -> Result<()> {
+        // A stop meanwhile makes the permit invalid.
+        let until = Instant::now() + MAX_WAIT;
+        while Instant::now() < until && self.client.waits_at_0_v()? {
+            std::thread::sleep(TURN);
+        }
         let path = (1..).map(|k| self.place.folder.join(format!("run-{k:03}.csv"))).find(|path| !path.exists());
         let path = path.unwrap_or_default();
         let log = Log::begin(&mut self.client, &path, self.place.every)?;

@@ -253,7 +253,8 @@ def main(program, tool, board, pictures, count="0"):
             looks(browser, page, board, pictures)
             stops(page, board)
             losses(browser, page, bench, board)
-            clicks(page, board, int(count))
+            if int(count):
+                clicks(page, board, int(count))
             arm(page, board)
             found = messages(browser)
             assert not found, found

@@ -244,6 +244,16 @@ impl Client {
         }
     }
 
+    /// Whether the film is at 0 V, but not yet for as long as the board wants to see before it is armed. What else is against it
+    /// [`arm`](Self::arm) says.
+    pub fn waits_at_0_v(&mut self) -> Result<bool> {
+        let Status { live, monitor_v, .. } = self.status()?;
+        let is_at_0_v = !live && !monitor_v.is_nan();
+        let is_awaited =
+            |answer| matches!(answer, Answer::Preflight { refusals, .. } if refusals.contains(&Refusal::LiveVoltage));
+        Ok(is_at_0_v && is_awaited(self.ask(Command::Preflight)?))
+    }
+
     /// Goes on where the conversation left off that armed and got this token.
     pub fn go_on(&mut self, token: u16) {
         self.token = token;

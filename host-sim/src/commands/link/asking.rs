@@ -42,14 +42,7 @@ pub(super) fn wait(
 
 /// Waits, with the film at 0 V, until the board has seen that for as long as it wants to before it is armed again.
 pub(super) fn until_discharged(client: &mut Client, stop: &AtomicBool) -> Result<()> {
-    // What else is against it `arm` says.
-    let is_over = |client: &mut Client| {
-        let Status { live, monitor_v, .. } = client.status()?;
-        let waits =
-            |answer| matches!(answer, Answer::Preflight { refusals, .. } if refusals.contains(&Refusal::LiveVoltage));
-        Ok(live || monitor_v.is_nan() || !waits(client.ask(Command::Preflight)?))
-    };
-    wait(client, DISCHARGE, stop, is_over).map(drop)
+    wait(client, DISCHARGE, stop, |client| Ok(!client.waits_at_0_v()?)).map(drop)
 }
 
 /// An error once Ctrl-C has come.
