@@ -366,7 +366,9 @@ fn add_suite(suite: &str) -> Result<()> {
         .map(|line| line[2])
         .ok_or_else(|| format!("no mirror of {base} is known to apt; add the suite {suite} by hand"))?;
     // From a folder that is this user's own: a file in a shared one could be replaced before root reads it.
-    let list = root().join("target").join(format!("{suite}.list"));
+    let folder = root().join("target");
+    fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let list = folder.join(format!("{suite}.list"));
     write(&list, &format!("deb {mirror} {suite} main\n"))?;
     install(as_root("cp", &[&list.to_string_lossy(), "/etc/apt/sources.list.d/"]))
 }
