@@ -28,7 +28,9 @@ pub fn of_sizes(settings: &Settings, fitted: &Actuator, excitation: Excitation, 
     }
     let stated = settings.actuator.relative_permittivity;
     let scale = fitted.relative_permittivity;
-    if scale != stated && !plausibility::is_permittivity(scale) && plausibility::is_permittivity(stated) {
+    // Of assumed sizes the warning below says that they are only proportional.
+    let is_stated = !settings.assumed_sizes && plausibility::is_permittivity(stated);
+    if is_stated && !plausibility::is_permittivity(scale) {
         warnings.push(Note.warning(format!(
             "relative_permittivity = {} instead of {stated} is the scale of the force in which mass_kg has the inertia that was recorded: \
              c and forces are in it, voltages and displacements do not depend on it; correct mass_kg or the sizes if they are wrong",

@@ -222,6 +222,20 @@ pub(crate) fn fitted(observations: &[Observation], curve: CurveChoice) -> Parame
     fit.parameters(&settings, Direction::Force, &[]).expect("parameters")
 }
 
+/// One warning for one cause: of assumed sizes it is known that forces are only proportional.
+#[test]
+fn the_scale_of_assumed_sizes_is_no_finding_of_its_own() {
+    let actuator = Actuator { length_m: 0.06, width_m: 0.04, ..Actuator::KARNER_2022 };
+    let reported = [false, true].map(|assumed_sizes| {
+        let settings = Settings { actuator, assumed_sizes, starts: 1, curve: CurveChoice::Two, ..parallel(vec![1]) };
+        let fit = recorded::fitted(&fitting::observations("hossain")[..1], &settings);
+        assert!(fit.candidate.actuator.relative_permittivity < 1.0, "{:?}", fit.candidate);
+        let named = fit.warnings.iter().map(|warning| warning.text.contains("relative_permittivity"));
+        named.filter(|named| *named).count()
+    });
+    assert_eq!(reported, [1, 0]);
+}
+
 /// RMS error of feedforward along a sine of `hz` from 3.2 to 4 mm, after a rise of 5 s, the largest and that after 15 s, % of peak to peak, and the
 /// interval that is stated for it.
 fn followed(parameters: &Parameters, hz: f64, seconds: f64, rate_hz: f64) -> ([f64; 3], [f64; 2]) {
