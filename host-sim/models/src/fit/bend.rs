@@ -5,6 +5,9 @@ use springpot::{Curve, CurveError, Knot, Measure, Rubber, Spring};
 use super::rising::Rising;
 use crate::files::parameters::{ElasticCurve, Shape};
 
+/// The exponent of Hencky's strain, the logarithm of the stretch.
+pub(super) const HENCKY: f64 = 0.0;
+
 /// The elastic curve of a candidate.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Bend {
@@ -38,8 +41,8 @@ pub enum Bend {
         exponent: f64,
         /// ln of the film's length ℓ at x = 0 (m).
         ln_length: f64,
-        /// Whether a fit changes the length: at small strokes only (1 − m)/ℓ shows.
-        fits_length: bool,
+        /// How many of both a fit changes: neither, m, or both. At small strokes only (1 − m)/ℓ shows.
+        fitted: usize,
         /// The stroke that it is written for, m.
         range_m: (f64, f64),
     },
@@ -53,8 +56,18 @@ impl Bend {
         Self::Free { knots_m, ln_slopes }
     }
 
-    /// The curve of a parameter file, to be changed where a fit can.
-    pub fn from_curve(curve: &ElasticCurve) -> Self {
+    /// Hencky's strain of a film of this length (m) over the same stroke, if this is a strain measure.
+    pub fn to_hencky(&self, length_m: f64) -> Self {
+        match *self {
+            Self::Measure { range_m, .. } => {
+                Self::Measure { exponent: HENCKY, ln_length: length_m.ln(), fitted: 0, range_m }
+            }
+            _ => self.clone(),
+        }
+    }
+
+    /// The curve of a parameter file, to be changed where a fit can; Hencky's strain is kept in a film of constant volume.
+    pub fn from_curve(curve: &ElasticCurve, has_constant_volume: bool) -> Self {
         let pieces = curve.pieces();
         match curve.shape() {
             Shape::Rubber(Rubber { share, limit, rest_stretch, free_length_m }) => Self::Rubber {
@@ -65,7 +78,8 @@ impl Bend {
                 range_m: pieces.range(),
             },
             Shape::Measure(Measure { exponent, length_m }) => {
-                Self::Measure { exponent, ln_length: length_m.ln(), fits_length: false, range_m: pieces.range() }
+                let fitted = usize::from(exponent != HENCKY || !has_constant_volume);
+                Self::Measure { exponent, ln_length: length_m.ln(), fitted, range_m: pieces.range() }
             }
             Shape::Free => {
                 let knots = pieces.knots();

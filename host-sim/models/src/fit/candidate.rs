@@ -104,8 +104,11 @@ impl Candidate {
         match self.spring.as_ref().map(Elastic::pieces) {
             None => self.bend.name(),
             Some(_) if self.is_in_series() => "spring in series".into(),
-            Some(0) => "two curves".into(),
-            Some(pieces) => format!("two curves, spring {pieces}"),
+            Some(pieces) => {
+                let measure = if self.is_hencky() { ", Hencky" } else { "" };
+                let spring = if pieces > 0 { format!(", spring {pieces}") } else { String::new() };
+                format!("two curves{measure}{spring}")
+            }
         }
     }
 
@@ -125,9 +128,8 @@ impl Candidate {
 
     fn bend_variables(&self) -> Vec<Variable> {
         match &self.bend {
-            Bend::Measure { fits_length, .. } => {
-                let length = fits_length.then_some(Variable::MeasureLength);
-                [Variable::Exponent].into_iter().chain(length).collect()
+            &Bend::Measure { fitted, .. } => {
+                [Variable::Exponent, Variable::MeasureLength].into_iter().take(fitted).collect()
             }
             Bend::Straight | Bend::Held(_) => Vec::new(),
             Bend::Rubber { ln_limit, .. } => {
@@ -136,6 +138,11 @@ impl Candidate {
             }
             Bend::Free { .. } => self.bend.free_slopes().into_iter().map(Variable::Slope).collect(),
         }
+    }
+
+    /// Whether its memory is in Hencky's strain, in which a film of constant volume couples its stroke to the force by 1 / length.
+    pub fn is_hencky(&self) -> bool {
+        matches!(self.bend, Bend::Measure { fitted: 0, .. })
     }
 
     /// The displacement sensor.

@@ -165,7 +165,19 @@ impl Context<'_> {
         let is_open = is_beside && self.excitation.voltage_driven && candidate.actuator.mass_kg > 0.0;
         let is_open = is_open && !self.freed.iter().chain(&self.settings.held).any(is_scale);
         let scale = is_open.then_some(Variable::Permittivity);
-        self.variables(candidate.branches()).into_iter().chain(bent).chain(scale).collect()
+        let is_kept = |variable: &Variable| candidate.is_hencky() && *variable == Variable::StretchCoupling;
+        let of_film = self.variables(candidate.branches()).into_iter().filter(|variable| !is_kept(variable));
+        of_film.chain(bent).chain(scale).collect()
+    }
+
+    /// `candidate` of constant volume with its memory in Hencky's strain, whose coupling is kept at 1 / length if a fit may change it.
+    pub(super) fn hencky(&self, candidate: &Candidate) -> Candidate {
+        let mut hencky = candidate.clone();
+        hencky.bend = candidate.bend.to_hencky(candidate.actuator.length_m);
+        if self.freed.contains(&Variable::StretchCoupling) {
+            hencky.actuator.stretch_coupling = 1.0 / candidate.actuator.length_m;
+        }
+        hencky
     }
 
     /// Half as many random starts of a structure as usual.

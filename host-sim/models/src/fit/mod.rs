@@ -35,6 +35,7 @@ pub(crate) mod starts;
 mod transfer;
 pub mod uncertainty;
 
+use std::f64::consts::PI;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::agreement::{Agreement, mean_r2};
@@ -348,7 +349,11 @@ fn recorded(
         recorded.stroke_m[1] = recorded.stroke_m[1].max(high - offset_m);
         let rises = modelled.windows(2).zip(observation.measured.time_s.windows(2));
         let speed = |(x, t): (&[f64], &[f64])| ((x[1] - x[0]) / (t[1] - t[0])).abs();
-        recorded.speed_m_per_s = rises.map(speed).fold(recorded.speed_m_per_s, f64::max);
+        let speed_m_per_s = rises.map(speed).fold(0.0, f64::max);
+        recorded.speed_m_per_s = recorded.speed_m_per_s.max(speed_m_per_s);
+        if high > low {
+            recorded.frequency_hz = recorded.frequency_hz.max(speed_m_per_s / (PI * (high - low)));
+        }
         let drive = observation.input.samples();
         if let Input::Voltage(_) = observation.input {
             recorded.voltage_v = recorded.voltage_v.max(peak(&drive.value));

@@ -184,7 +184,9 @@ impl FitOptions {
             topology: parameters.model.topology(),
             offset_m: parameters.sensor_offset_m,
             delay_s: self.sensor_delay_s.unwrap_or(parameters.sensor_delay_s),
-            bend: parameters.curve.as_ref().map_or(Bend::Straight, Bend::from_curve),
+            bend: parameters.curve.as_ref().map_or(Bend::Straight, |curve| {
+                Bend::from_curve(curve, actuator.stretch_coupling == 1.0 / actuator.length_m)
+            }),
             spring: parameters.spring.as_ref().map(match parameters.curve {
                 Some(_) => Elastic::from_spring,
                 None => Elastic::from_series,

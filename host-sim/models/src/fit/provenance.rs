@@ -120,10 +120,12 @@ pub fn check_recorded(parameters: &Parameters) -> std::result::Result<(), String
     if let Some((key, _)) = value.as_table().into_iter().flatten().find(|(_, value)| !is_finite(value)) {
         return Err(refused(&format!("{key} must be finite")));
     }
-    let Recorded { voltage_v, speed_m_per_s, time_s, left_out_m, misfit_m, fault_m, lag_s, jitter_s, .. } = recorded;
+    let Recorded { voltage_v, speed_m_per_s, frequency_hz, time_s, .. } = recorded;
+    let Recorded { left_out_m, misfit_m, fault_m, lag_s, jitter_s, .. } = recorded;
     let sizes = [
         ("voltage_v", voltage_v),
         ("speed_m_per_s", speed_m_per_s),
+        ("frequency_hz", frequency_hz),
         ("time_s", time_s),
         ("left_out_m", left_out_m),
         ("misfit_m", misfit_m),

@@ -161,7 +161,10 @@ impl Search<'_> {
     fn nonlinear(&self, linear: &[Found]) -> Vec<Found> {
         let Self { context, settings, stages, .. } = self;
         let is_auto = settings.curve == CurveChoice::Auto;
-        let kinds = Kind::for_choice(settings.curve, self.observations);
+        // Without a length and an exponent of its own there is no Hencky's strain to compare.
+        let is_open = context.freed.contains(&Variable::Length) || settings.held.contains(&Variable::Exponent);
+        let mut kinds = Kind::for_choice(settings.curve, self.observations);
+        kinds.retain(|kind| *kind != Kind::Hencky || !is_open);
         let Some(best) = least(linear.iter()).filter(|best| kinds.len() > 1 && !(is_auto && self.is_white(best)))
         else {
             return Vec::new();
@@ -190,7 +193,8 @@ impl Search<'_> {
                 }
                 let mut starts: Vec<Candidate> = simpler.iter().flat_map(|fit| bent(&fit.candidate)).collect();
                 match (kind, simpler) {
-                    (Kind::Beside { pieces }, Some(film)) => {
+                    (Kind::Beside { .. } | Kind::Hencky, Some(film)) => {
+                        let pieces = kind.beside().unwrap_or(0);
                         let scale = context.variables_of(&starts[0]).contains(&Variable::Permittivity);
                         starts.extend(relaxing(&film.candidate, pieces, reach.range_m, context.scales, scale));
                     }
@@ -203,6 +207,9 @@ impl Search<'_> {
                 starts.extend(smaller.iter().flat_map(|fit| grown(&fit.candidate, topology, context.scales)));
                 if starts.is_empty() || branches == 0 {
                     starts.extend(context.linear_starts(topology, branches).iter().flat_map(bent));
+                }
+                if kind == Kind::Hencky {
+                    starts = starts.iter().map(|start| context.hencky(start)).collect();
                 }
                 let variables = context.variables_of(starts.first()?);
                 match beginning {
@@ -218,7 +225,8 @@ impl Search<'_> {
             };
             // Without a saturation it has shown how many branches it takes.
             let simpler = least(others.iter().filter(|other| kind.adds_saturation_to(&other.candidate)));
-            let fewest = simpler.map_or(0, |simpler| simpler.candidate.branches());
+            let free = others.iter().filter(|other| kind == Kind::Hencky && kind.extends(&other.candidate));
+            let fewest = simpler.or(least(free)).map_or(0, |simpler| simpler.candidate.branches());
             let branches = branches().filter(|&n| n >= fewest);
             let simpler = least_of.iter().filter(|(other, _)| is_auto && kind.adds_to(*other)).map(|(_, found)| found);
             let simpler = least(simpler);

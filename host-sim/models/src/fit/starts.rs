@@ -141,6 +141,8 @@ pub(super) enum Kind {
     Beside {
         pieces: usize,
     },
+    /// A linear spring beside the memory of a film of constant volume in Hencky's strain.
+    Hencky,
     /// A spring in series with the memory.
     Series {
         saturates: bool,
@@ -151,7 +153,7 @@ impl Kind {
     /// The linear film and the kinds that `choice` names for these observations.
     pub(super) fn for_choice(choice: CurveChoice, observations: &[Observation]) -> Vec<Self> {
         let volts = observations.iter().any(|o| matches!(o.input, Input::Voltage(_)));
-        let two = [0, 2].map(|pieces| Self::Beside { pieces }).to_vec();
+        let two = vec![Self::Beside { pieces: 0 }, Self::Beside { pieces: 2 }, Self::Hencky];
         let moves = |o: &Observation| !matches!(o.input, Input::Displacement(_));
         let series =
             |saturates| if observations.iter().all(moves) { vec![Self::Series { saturates }] } else { Vec::new() };
@@ -185,6 +187,7 @@ impl Kind {
             Self::Free { pieces, saturates: true } => format!("free curve of {pieces} pieces and saturation"),
             Self::Beside { pieces: 0 } => "two curves".into(),
             Self::Beside { pieces } => format!("two curves with a spring of {pieces} pieces"),
+            Self::Hencky => "two curves with Hencky's strain".into(),
             Self::Series { saturates: false } => "spring in series".into(),
             Self::Series { saturates: true } => "spring in series and saturation".into(),
         }
@@ -192,11 +195,10 @@ impl Kind {
 
     /// Whether `candidate` is a film of this kind without some of its nonlinearity.
     pub(super) fn extends(self, candidate: &Candidate) -> bool {
-        let may_saturate =
-            matches!(self, Self::Free { saturates: true, .. } | Self::Series { saturates: true } | Self::Beside { .. });
-        let fewer =
-            matches!(self, Self::Beside { pieces: 1.. }) && candidate.spring.as_ref().is_some_and(Elastic::is_linear);
-        fewer
+        let may_saturate = matches!(self, Self::Free { saturates: true, .. } | Self::Series { saturates: true })
+            || self.beside().is_some();
+        let is_linear = || candidate.spring.as_ref().is_some_and(Elastic::is_linear);
+        self.beside().is_some() && self != Self::Beside { pieces: 0 } && is_linear()
             || self.adds_saturation_to(candidate)
             || candidate.is_straight() && (may_saturate || candidate.actuator.saturation_v.is_none())
     }
@@ -214,6 +216,15 @@ impl Kind {
         }
     }
 
+    /// Whether its spring is beside the memory; `pieces` of it.
+    pub(super) fn beside(self) -> Option<usize> {
+        match self {
+            Self::Beside { pieces } => Some(pieces),
+            Self::Hencky => Some(0),
+            _ => None,
+        }
+    }
+
     /// Whether this kind is the spring in series of `candidate` and a saturation.
     pub(super) fn adds_saturation_to(self, candidate: &Candidate) -> bool {
         self == Self::Series { saturates: true } && candidate.is_in_series()
@@ -224,7 +235,7 @@ impl Kind {
         match self {
             // Two curves take some five times of the error of a linear film, one more in the spring hardly any.
             Self::Beside { pieces: 0 } => 30.0,
-            Self::Beside { .. } => 8.0,
+            Self::Beside { .. } | Self::Hencky => 8.0,
             _ => f64::INFINITY,
         }
     }
@@ -246,7 +257,8 @@ impl Kind {
                 start.actuator.saturation_v = start.actuator.saturation_v.or(saturation_v).filter(|_| saturates);
                 vec![start]
             }
-            Self::Beside { pieces } => {
+            Self::Beside { .. } | Self::Hencky => {
+                let pieces = self.beside().unwrap_or(0);
                 let (bend, spring) = match &start.spring {
                     Some(linear) => (start.bend.clone(), linear.cut(pieces, range_m)),
                     None => {
@@ -299,7 +311,12 @@ fn measure(film: &Candidate, (low_m, high_m): (f64, f64), exponent: f64) -> Bend
     let length_m = film.actuator.length_m;
     let stroke_m = high_m.max(-low_m);
     let reach_m = (low_m - 0.05 * stroke_m, REACH * high_m);
-    Bend::Measure { exponent, ln_length: length_m.ln(), fits_length: stroke_m > LARGE * length_m, range_m: reach_m }
+    Bend::Measure {
+        exponent,
+        ln_length: length_m.ln(),
+        fitted: if stroke_m > LARGE * length_m { 2 } else { 1 },
+        range_m: reach_m,
+    }
 }
 
 /// Strokes up to which a measure is written, over the recorded one: unlike pieces it holds beyond it.

@@ -14,7 +14,7 @@ use crate::files::recording::Input;
 use crate::grid::{Grid, Samples};
 use crate::replay::memory::{MemoryChoice, Precision, RunOptions};
 use crate::replay::simulate;
-use crate::statistics::{differences, mean};
+use crate::statistics::{differences, mean, median, percentile_range};
 
 /// Key of the table in a parameter file's provenance.
 const KEY: &str = "recorded";
@@ -46,6 +46,19 @@ fn rise(grid: Grid, samples: usize) -> usize {
     ((RISE_S * grid.rate_hz) as usize).min(samples - 1)
 }
 
+/// How often a `reference` goes through its median after the rise, by more than a twentieth of its range to both sides, in periods a second.
+fn mean_frequency_hz(reference: &[f64], grid: Grid) -> f64 {
+    let later = &reference[rise(grid, reference.len())..];
+    let middle = median(later);
+    let margin = 0.05 * percentile_range(later.iter().copied());
+    let (mut side, mut crossings) = (0.0, 0);
+    for value in later.iter().map(|value| value - middle).filter(|value| value.abs() > margin) {
+        crossings += u32::from(side * value < 0.0);
+        side = value;
+    }
+    0.5 * f64::from(crossings) * grid.rate_hz / later.len() as f64
+}
+
 /// The range of what was recorded of a film.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Recorded {
@@ -55,6 +68,9 @@ pub struct Recorded {
     pub voltage_v: f64,
     /// Largest speed, m/s.
     pub speed_m_per_s: f64,
+    /// Largest frequency of a sine that has the stroke and the largest speed of a recording, Hz; 0 if it is not known.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub frequency_hz: f64,
     /// Duration of the longest recording, s.
     pub time_s: f64,
     /// RMS error on what was left out, without noise, m.
@@ -119,6 +135,8 @@ pub enum Quantity {
     Voltage,
     /// Speed, m/s.
     Speed,
+    /// Mean frequency, Hz.
+    Frequency,
     /// Duration, s.
     Time,
     /// Temperature, °C.
@@ -163,6 +181,9 @@ impl Expectation {
                 1e3 * needed,
                 1e3 * recorded
             ),
+            Quantity::Frequency => {
+                format!("oscillates at {needed:.2} Hz, recorded were {recorded:.2} Hz: record faster cycles")
+            }
             Quantity::Time => format!("lasts {needed:.0} s, recorded were {recorded:.0} s: record for as long"),
             Quantity::Temperature => {
                 format!("is at {needed:.1} °C, recorded was {recorded:.1} °C: record at that temperature")
@@ -244,12 +265,16 @@ impl Recorded {
             (Quantity::Speed, speed, self.speed_m_per_s, self.speed_m_per_s),
             (Quantity::Time, grid.step_s() * (reference.len() - 1) as f64, self.time_s, self.time_s),
         ];
+        // Faster cycles of a large stroke exceed the speed as well.
+        let is_slow = self.frequency_hz > 0.0 && speed <= (1.0 + SLACK) * self.speed_m_per_s;
+        let frequency = is_slow
+            .then(|| (Quantity::Frequency, mean_frequency_hz(reference, grid), self.frequency_hz, self.frequency_hz));
         let temperature = self.temperature_c.zip(temperature_c).map(|([low, high], needed)| {
             (Quantity::Temperature, needed, needed.clamp(low, high), (high - low).max(SAME_K))
         });
         let mut growth = if temperature.is_some() { SEVERAL_TEMPERATURES } else { 1.0 };
         let mut beyond = Vec::new();
-        for (quantity, needed, recorded, size) in quantities.into_iter().chain(temperature) {
+        for (quantity, needed, recorded, size) in quantities.into_iter().chain(frequency).chain(temperature) {
             let share = match quantity {
                 Quantity::Stroke | Quantity::Temperature => (needed - recorded).abs(),
                 _ => needed - recorded,

@@ -173,7 +173,7 @@ fn offsets_and_gains_per_recording() {
 /// The film of [`truth`] without curves, behind one, with a spring beside its memory, and with one in series.
 fn with_curves() -> [(&'static str, Candidate); 6] {
     let range_m = (0.0, 4e-3);
-    let measure = |fits_length| Bend::Measure { exponent: -0.5, ln_length: 15e-3f64.ln(), fits_length, range_m };
+    let measure = |fitted| Bend::Measure { exponent: -0.5, ln_length: 15e-3f64.ln(), fitted, range_m };
     let mut bend = Bend::free(2, range_m);
     let linear = Elastic::linear(1.2, 2e4);
     let mut spring = linear.cut(4, range_m);
@@ -186,8 +186,8 @@ fn with_curves() -> [(&'static str, Candidate); 6] {
     [
         ("straight", truth()),
         ("one curve", film(bend, None)),
-        ("linear spring", film(measure(true), Some(linear))),
-        ("spring of pieces", film(measure(false), Some(spring))),
+        ("linear spring", film(measure(2), Some(linear))),
+        ("spring of pieces", film(measure(1), Some(spring))),
         ("stiffening in series", film(Bend::Straight, series(0.8))),
         ("softening in series", film(Bend::Straight, series(-0.5))),
     ]

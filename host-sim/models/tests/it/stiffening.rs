@@ -258,6 +258,7 @@ fn what_was_not_recorded_is_reported() {
         stroke_m: [0.0, 2e-3],
         voltage_v: 3e3,
         speed_m_per_s: 3e-3,
+        frequency_hz: 0.65,
         time_s: 60.0,
         left_out_m: 1e-6,
         misfit_m: 1e-6,
@@ -279,6 +280,7 @@ fn what_was_not_recorded_is_reported() {
         (expectation(2.2e-3, 0.4, 60.0, 2.9e3), Quantity::Stroke),
         (expectation(1.9e-3, 0.4, 60.0, 3.2e3), Quantity::Voltage),
         (expectation(1.9e-3, 0.6, 60.0, 2.9e3), Quantity::Speed),
+        (expectation(0.9e-3, 0.7, 60.0, 2.9e3), Quantity::Frequency),
         (expectation(1.9e-3, 0.4, 80.0, 2.9e3), Quantity::Time),
     ] {
         assert!(beyond.1 == [quantity] && beyond.0 > 1.2 * inside, "{quantity:?}: {beyond:?} for {inside}");

@@ -3,19 +3,19 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use host_io::files::parameters::Parameters;
+use host_io::files::parameters::{Parameters, Shape};
 use host_io::files::recording::{Direction, Input};
 use host_io::grid::{Grid, Samples};
 use host_models::agreement::Agreement;
-use host_models::fit::Settings;
 use host_models::fit::observation::Observation;
 use host_models::fit::settings::CurveChoice;
+use host_models::fit::{FitOptions, Settings};
 use host_models::replay::memory::RunOptions;
 use host_models::replay::{feasibility, feedforward, simulate};
 use host_models::simulation::film::{self, Film};
 use host_models::simulation::plant::{FullMemoryPlant, Mismatch, NonlinearPlant, Plant};
 use indicatif::ProgressBar;
-use springpot::{Actuator, CommandLimits, Discretisation, Maxwell, Preload, Topology};
+use springpot::{Actuator, CommandLimits, Discretisation, Maxwell, Measure, Preload, Topology};
 
 use crate::recorded::{driven, far, noise, observation, parallel, peak, risen_sine_m};
 use crate::series::fractional;
@@ -236,6 +236,21 @@ fn the_scale_of_assumed_sizes_is_no_finding_of_its_own() {
     assert_eq!(reported, [1, 0]);
 }
 
+/// A fit that starts from a film of constant volume keeps Hencky's strain, and fits the exponent of another one.
+fn kept_with_start(observations: &[Observation], film: &Parameters) {
+    let other = Actuator { stretch_coupling: 18.0, ..film.actuator };
+    for (actuator, kept) in [(film.actuator, true), (other, false)] {
+        let settings = FitOptions::default().settings(Some(film.clone()), Some((actuator, false))).expect("settings");
+        let fit = recorded::fitted(observations, &settings).parameters(&settings, Direction::Force, &[]);
+        let fit = fit.expect("parameters");
+        let exponent = match fit.curve.expect("a curve").shape() {
+            Shape::Measure(measure) => measure.exponent,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!((exponent == 0.0, fit.actuator.stretch_coupling == actuator.stretch_coupling), (kept, kept));
+    }
+}
+
 /// RMS error of feedforward along a sine of `hz` from 3.2 to 4 mm, after a rise of 5 s, the largest and that after 15 s, % of peak to peak, and the
 /// interval that is stated for it.
 fn followed(parameters: &Parameters, hz: f64, seconds: f64, rate_hz: f64) -> ([f64; 3], [f64; 2]) {
@@ -285,13 +300,18 @@ fn a_film_of_finite_strain_gets_two_curves() {
     let (linear, _) = followed(&fitted(&observations, CurveChoice::None), 0.1, 155.0, 1e3);
     let two = fitted(&observations, CurveChoice::Two);
     assert!(two.spring.is_some(), "two curves are chosen");
+    // The film has constant volume, and its branches flow in Hencky's strain (film.rs).
+    let curve = two.curve.as_ref().expect("a curve").shape();
+    assert_eq!(curve, Shape::Measure(Measure { exponent: 0.0, length_m: 0.06 }));
+    assert_eq!(two.actuator.stretch_coupling, 1.0 / 0.06);
+    kept_with_start(&observations[..1], &two);
     let ([rms, largest, _], [low, high]) = followed(&two, 0.1, 155.0, 1e3);
     println!("linear {linear:?}; two curves {rms:.3} % RMS, {largest:.3} % of {low:.3} to {high:.3} %");
     assert!(rms < linear[0] / 3.0 && (low..=high).contains(&rms), "{rms} % of {linear:?}");
     // Near its resonance at 3 Hz, which is that of Eq. 1's force times about the thickness over the length: the scale is found from 0.2 Hz and less.
-    let ([fast, ..], _) = followed(&two, 1.0, 30.0, 1e3);
-    println!("1 Hz: two curves {fast:.3} % RMS");
-    assert!(fast < 1.0, "{fast} %");
+    let ([fast, ..], [low, high]) = followed(&two, 1.0, 30.0, 1e3);
+    println!("1 Hz: two curves {fast:.3} % RMS of {low:.3} to {high:.3} %");
+    assert!(fast < 1.5 && (low..=high).contains(&fast), "{fast} %");
     if full_sweep() {
         // Recordings of 155 s leave the film's memory of 500 s open: it drifts less, and the interval says so.
         let ([rms, largest, _], interval) = followed(&two, 0.1, 1800.0, 1e3);
