@@ -3,6 +3,8 @@
 //! A sensor that is late by τ reads x(t − τ). Over a band of frequencies that differs from creep, whose phase hardly changes with the
 //! frequency, so both are found together. A film that resists its speed lags as well, and slow recordings show no difference: a delay is
 //! fitted only where it explains what no film does, one with such a branch included.
+//!
+//! Where the drive steps, it did so at any time between two rows: a delay up to that time is not one of the sensor, and none is known better.
 
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -11,7 +13,9 @@ use springpot::{Springpot, Topology};
 use super::candidate::{Candidate, Variable};
 use super::descent::{Context, Found};
 use super::objective::Objective;
+use super::observation::{self, Observation};
 use crate::least_squares::StoppingCriteria;
+use crate::statistics::{change, differences, mean};
 
 /// Share of a cost to which a delay must bring it: what a model does not follow of a film, a delay may make a quarter smaller.
 const WORTH: f64 = 0.5;
@@ -21,6 +25,8 @@ const DIFFERS: f64 = 0.25;
 /// of a step.
 const MIN_INTERVALS: f64 = 0.5;
 const MIN_STEPS: f64 = 0.25;
+/// Part of a radian of the drive in which creep is not seen: a film without it looks early by that time and the order of the springpot.
+const UNSEEN: f64 = 0.02;
 /// Delays from which one is searched for, s.
 const STARTS_S: [f64; 3] = [0.02, 0.08, 0.3];
 const STOPPING: StoppingCriteria = StoppingCriteria { iterations: 60, decrease: 1e-6 };
@@ -38,8 +44,49 @@ pub(super) fn is_kept(context: &Context<'_>, late: &Found, found: &Found) -> boo
     let explains = late.minimum.cost <= WORTH * found.minimum.cost;
     let is_smaller = late.minimum.cost <= found.minimum.cost && late.variables.len() < found.variables.len();
     (explains || is_smaller)
-        && late.candidate.delay_s.abs() >= MIN_INTERVALS * context.scales.step_s
-        && is_everywhere(context.fine, late)
+        && is_clear(context, context.fine, late, MIN_INTERVALS * context.scales.step_s)
+}
+
+/// The time (s) by which the delay of `found` may be off beside its noise: that between the rows of a drive that steps, that of creep which is too
+/// fast to be seen, and the difference of delays in halves of the recordings of `objective`.
+pub(super) fn open_s(context: &Context<'_>, objective: &Objective, found: &Found) -> f64 {
+    let Resolution { between_rows_s, radian_s } = context.scales.resolution;
+    let spread_s = spread_s(objective, found).unwrap_or(0.0);
+    between_rows_s + found.candidate.elements[0].alpha * UNSEEN * radian_s + spread_s
+}
+
+/// How exactly a delay is known along a drive.
+#[derive(Clone, Copy, Debug)]
+pub struct Resolution {
+    /// Time between two rows in which the load steps, s: a step is anywhere between them. Near 0 for a load that follows its rows.
+    between_rows_s: f64,
+    /// Time in which the load changes by its size, s.
+    radian_s: f64,
+}
+
+impl Resolution {
+    /// The resolution of `observations`: means over rows, each as far as a delay is known from it, by the square of the load's rate.
+    pub(super) fn new(observations: &[Observation]) -> Self {
+        let (mut steps, mut rates, mut squares) = (0.0, 0.0, 0.0);
+        for observation in observations {
+            let load = observation::load(&observation.input);
+            let (size, mean) = (change(&load), mean(&load));
+            let rows_s: Vec<f64> = differences(&observation.input.samples().time_s).collect();
+            let rate = |k: usize| load.get(k + 1).map_or(0.0, |next| (next - load[k]) / (rows_s[k] * size));
+            // It is 0 before the first row.
+            let mut before = load.first().zip(rows_s.first()).map_or(0.0, |(load, row_s)| load / (row_s * size));
+            for (k, row_s) in rows_s.iter().enumerate() {
+                // The part of the rate that neither row beside it has.
+                let step = (rate(k) - before).abs().min((rate(k) - rate(k + 1)).abs());
+                before = rate(k);
+                steps += row_s * step * step;
+                rates += before * before;
+                squares += ((load[k] - mean) / size).powi(2);
+            }
+        }
+        let over_rates = |sum: f64| if rates > 0.0 { sum / rates } else { 0.0 };
+        Self { between_rows_s: over_rates(steps), radian_s: over_rates(squares).sqrt() }
+    }
 }
 
 /// The delay (s) that films of one and two branches leave to be explained.
@@ -92,8 +139,7 @@ fn shown(context: &Context<'_>, prompt: &Found, late: &Found) -> Option<f64> {
     let share = late.minimum.cost / least;
     let is_shown = share <= WORTH
         && (1.0 - share) * samples > SIGNIFICANT
-        && delay_s.abs() >= shortest_s(context)
-        && is_everywhere(context.coarse, late);
+        && is_clear(context, context.coarse, late, shortest_s(context));
     is_shown.then_some(delay_s)
 }
 
@@ -114,21 +160,28 @@ fn shortest_s(context: &Context<'_>) -> f64 {
     (MIN_INTERVALS * context.scales.step_s).max(MIN_STEPS * steps_s)
 }
 
-/// Whether the delay of `late` is the same in each half of each recording of `objective`: what a film does that the model does not has other
-/// phases at other frequencies and times.
-fn is_everywhere(objective: &Objective, late: &Found) -> bool {
-    let delay_s = late.candidate.delay_s;
-    let Some(evaluation) = objective.evaluate(&late.candidate) else { return false };
+/// Whether the delay of `late` is at least `shortest_s` and more than what is open of it, and the same in each half of each recording of
+/// `objective`: what a film does that the model does not has other phases at other frequencies and times.
+fn is_clear(context: &Context<'_>, objective: &Objective, late: &Found, shortest_s: f64) -> bool {
+    let delay_s = late.candidate.delay_s.abs();
+    let is_everywhere = |spread_s: f64| spread_s <= DIFFERS * delay_s;
+    delay_s >= shortest_s.max(open_s(context, objective, late))
+        && spread_s(objective, late).is_some_and(is_everywhere)
+}
+
+/// Largest difference (s) of the delay of `found` in a half of a recording of `objective`; none without a response.
+fn spread_s(objective: &Objective, found: &Found) -> Option<f64> {
+    let evaluation = objective.evaluate(&found.candidate)?;
     let residuals = objective.residuals(&evaluation);
-    let Some(slope) = objective.jacobian(&late.candidate, &evaluation, &[Variable::Delay]).pop() else { return false };
+    let slope = objective.jacobian(&found.candidate, &evaluation, &[Variable::Delay]).pop()?;
     let mut from = 0;
     let halves = objective.values().flat_map(|values| [values / 2, values - values / 2]);
-    let mut differences = halves.map(|count| {
+    let differences = halves.map(|count| {
         let half = from..from + count;
         from += count;
         let product: f64 = slope[half.clone()].iter().zip(&residuals[half.clone()]).map(|(d, r)| d * r).sum();
-        product / slope[half].iter().map(|d| d * d).sum::<f64>()
+        (product / slope[half].iter().map(|d| d * d).sum::<f64>()).abs()
     });
-    // Where nothing moves there is no difference.
-    differences.all(|difference| difference.is_nan() || difference.abs() <= DIFFERS * delay_s.abs())
+    // Where nothing moves there is no difference: the larger of a number and NaN is the number.
+    Some(differences.fold(0.0, f64::max))
 }

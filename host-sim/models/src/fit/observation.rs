@@ -197,7 +197,7 @@ impl Observation {
 }
 
 /// The quantity that a response is nearly proportional to, for each row: the square of a voltage.
-fn load(input: &Input) -> Vec<f64> {
+pub(super) fn load(input: &Input) -> Vec<f64> {
     let values = &input.samples().value;
     match input {
         Input::Voltage(_) => values.iter().map(|v| v * v).collect(),

@@ -6,6 +6,7 @@ use springpot::{Actuator, Springpot, Topology};
 
 use super::bend::{Bend, Elastic};
 use super::candidate::Candidate;
+use super::delay::Resolution;
 use super::observation::Observation;
 use super::rising::Rising;
 use super::settings::CurveChoice;
@@ -25,6 +26,8 @@ pub struct Scales {
     pub coupling: f64,
     /// Shortest cycle of the input, s.
     pub cycle_s: f64,
+    /// How exactly a delay of the sensor is known.
+    pub resolution: Resolution,
 }
 
 impl Scales {
@@ -48,6 +51,7 @@ impl Scales {
             step_s,
             coupling: if stroke > 0.0 { (0.15 / stroke).min(1e3) } else { 0.0 },
             cycle_s,
+            resolution: Resolution::new(observations),
         }
     }
 

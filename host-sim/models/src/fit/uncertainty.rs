@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::candidate::{Candidate, Variable};
+use super::delay;
 use super::descent::{Context, Found};
 use super::residuals::Whiteness;
 use crate::least_squares::{StoppingCriteria, inverse, unit_diagonal};
@@ -222,9 +223,10 @@ fn profiles(context: &Context<'_>, found: &Found, deviations: &[Option<f64>], fr
             let (low, high) = variable.bounds();
             let value = variable.get(&found.candidate);
             let profile = Profile { context, base: &base, followers: &followers, index: i, threshold };
+            let open = if variable == Variable::Delay { delay::open_s(context, context.fine, found) } else { 0.0 };
             let end = |sign: f64| {
                 let least = NORMAL * deviations[i]?;
-                let distance = profile.end(sign, deviations[i]?)?.max(least);
+                let distance = open + profile.end(sign, deviations[i]?)?.max(least);
                 Some((value + sign * distance).clamp(low, high))
             };
             (end(-1.0), end(1.0))
