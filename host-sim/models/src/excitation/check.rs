@@ -9,7 +9,8 @@ use super::rows;
 use crate::error::shown;
 use crate::files::recording::{Direction, Input, Recording};
 use crate::fit::explained::Course;
-use crate::fit::{self, faults, observation};
+use crate::fit::observation::{self, Observation};
+use crate::fit::{self, faults};
 use crate::grid::Samples;
 use crate::statistics::{differences, median, noise, range, sorted};
 
@@ -90,10 +91,14 @@ fn of_values(recording: &Recording, findings: &mut Vec<Finding>) {
     }));
 }
 
-fn of_copies(recordings: &[Recording], findings: &mut Vec<Finding>) {
+/// Those of `recordings` that a fit takes.
+fn observed<'a>(recordings: impl IntoIterator<Item = &'a Recording>) -> Vec<Observation> {
     let observed = |recording| observation::observe(recording, Direction::Force, 1.0).ok();
-    let observations: Vec<_> = recordings.iter().filter_map(observed).map(|(observation, _)| observation).collect();
-    if let Some(finding) = fit::repeated(&observations) {
+    recordings.into_iter().filter_map(observed).map(|(observation, _)| observation).collect()
+}
+
+fn of_copies(recordings: &[Recording], findings: &mut Vec<Finding>) {
+    if let Some(finding) = fit::repeated(&observed(recordings)) {
         findings.push(Finding { severity: Prevents, file: None, finding, advice: String::new() });
     }
 }
@@ -106,7 +111,12 @@ fn of_faults(recordings: &[Recording], facts: &[Facts], findings: &mut Vec<Findi
         |recording: &&Recording| facts.iter().any(|row| row.is_comparable && row.file == shown(recording.path()));
     let comparable: Vec<&Recording> = recordings.iter().filter(is_comparable).collect();
     let temperature_c = |recording: &&Recording| recording.mean_temperature_c().ok()?;
-    for fault in faults::faults_at_temperatures(&comparable, temperature_c, |recording| course(recording), fastest_hz) {
+    let mut faults =
+        faults::faults_at_temperatures(&comparable, temperature_c, |recording| course(recording), fastest_hz);
+    if faults.is_empty() {
+        faults.extend(faults::delay(&observed(comparable)));
+    }
+    for fault in faults {
         let severity = if fault.size > faults::SERIOUS { Prevents } else { Weakens };
         findings.push(Finding { severity, file: fault.file, finding: fault.finding, advice: fault.advice.into() });
     }

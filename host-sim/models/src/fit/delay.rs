@@ -27,6 +27,8 @@ const MIN_INTERVALS: f64 = 0.5;
 const MIN_STEPS: f64 = 0.25;
 /// Part of a radian of the drive in which creep is not seen: a film without it looks early by that time and the order of the springpot.
 const UNSEEN: f64 = 0.02;
+/// Branches of the small structures.
+const SMALL: [usize; 2] = [1, 2];
 /// Delays from which one is searched for, s.
 const STARTS_S: [f64; 3] = [0.02, 0.08, 0.3];
 const STOPPING: StoppingCriteria = StoppingCriteria { iterations: 60, decrease: 1e-6 };
@@ -36,15 +38,29 @@ const SIGNIFICANT: f64 = 10.83;
 /// The delay (s) that `found` leaves to be explained, or a small structure, which cannot imitate one; none where the film explains the
 /// recordings as well.
 pub(super) fn suspected(context: &Context<'_>, found: &Found) -> Option<f64> {
-    of_structure(context, found).or_else(|| of_small_structure(context))
+    let late = of_structure(context, found)
+        .or_else(|| SMALL.into_iter().find_map(|branches| of_small_structure(context, branches)));
+    late.map(|late| late.candidate.delay_s)
+}
+
+/// The delay (s) that the larger one of small structures leaves to be explained, and an interval that contains it: none where one of them does
+/// without a delay.
+pub(super) fn of_small_structures(context: &Context<'_>) -> Option<(f64, [f64; 2])> {
+    let (mut delay_s, mut interval_s) = (0.0, [f64::INFINITY, f64::NEG_INFINITY]);
+    for branches in SMALL {
+        let late = of_small_structure(context, branches)?;
+        delay_s = late.candidate.delay_s;
+        let open_s = open_s(context, context.coarse, &late) + shortest_s(context);
+        interval_s = [interval_s[0].min(delay_s - open_s), interval_s[1].max(delay_s + open_s)];
+    }
+    (interval_s[0] * interval_s[1] > 0.0).then_some((delay_s, interval_s))
 }
 
 /// Whether `late`, which has a delay, is so much better than `found`, or so much smaller a film, that the delay is kept.
 pub(super) fn is_kept(context: &Context<'_>, late: &Found, found: &Found) -> bool {
     let explains = late.minimum.cost <= WORTH * found.minimum.cost;
     let is_smaller = late.minimum.cost <= found.minimum.cost && late.variables.len() < found.variables.len();
-    (explains || is_smaller)
-        && is_clear(context, context.fine, late, MIN_INTERVALS * context.scales.step_s)
+    (explains || is_smaller) && is_clear(context, context.fine, late, MIN_INTERVALS * context.scales.step_s)
 }
 
 /// The time (s) by which the delay of `found` may be off beside its noise: that between the rows of a drive that steps, that of creep which is too
@@ -89,30 +105,28 @@ impl Resolution {
     }
 }
 
-/// The delay (s) that films of one and two branches leave to be explained.
-fn of_small_structure(context: &Context<'_>) -> Option<f64> {
+/// The film with so many branches and a delay, if it leaves one to be explained.
+fn of_small_structure(context: &Context<'_>, branches: usize) -> Option<Found> {
     if !context.excitation.identifies(Variable::Delay) {
         return None;
     }
-    (1..=2).find_map(|branches| {
-        let starts = context.linear_starts(Topology::Parallel, branches);
-        let prompt = context.best_over(context.coarse, &starts)?;
-        let late = STARTS_S.iter().flat_map(|&delay_s| {
-            let starts = [&prompt.candidate, starts.first().unwrap_or(&prompt.candidate)];
-            starts.map(|start| Candidate { delay_s, ..start.clone() })
-        });
-        let starts: Vec<Candidate> = late.collect();
-        let late = context.with_delay(0.0);
-        let (variables, worthwhile) = (late.variables_of(&prompt.candidate), WORTH * prompt.minimum.cost);
-        let descent = |start| late.descend_towards(worthwhile, late.coarse, start, variables.clone(), STOPPING);
-        let descents = starts.par_iter().filter_map(descent);
-        let late = descents.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost))?;
-        shown(context, &prompt, &late)
-    })
+    let starts = context.linear_starts(Topology::Parallel, branches);
+    let prompt = context.best_over(context.coarse, &starts)?;
+    let late = STARTS_S.iter().flat_map(|&delay_s| {
+        let starts = [&prompt.candidate, starts.first().unwrap_or(&prompt.candidate)];
+        starts.map(|start| Candidate { delay_s, ..start.clone() })
+    });
+    let starts: Vec<Candidate> = late.collect();
+    let late = context.with_delay(0.0);
+    let (variables, worthwhile) = (late.variables_of(&prompt.candidate), WORTH * prompt.minimum.cost);
+    let descent = |start| late.descend_towards(worthwhile, late.coarse, start, variables.clone(), STOPPING);
+    let descents = starts.par_iter().filter_map(descent);
+    let late = descents.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost))?;
+    is_shown(context, &prompt, &late).then_some(late)
 }
 
-/// The delay (s) that `found` leaves to be explained on the thinned recordings.
-fn of_structure(context: &Context<'_>, found: &Found) -> Option<f64> {
+/// `found` with a delay on the thinned recordings, if it leaves one to be explained.
+fn of_structure(context: &Context<'_>, found: &Found) -> Option<Found> {
     if !context.excitation.identifies(Variable::Delay) || found.variables.contains(&Variable::Delay) {
         return None;
     }
@@ -120,14 +134,13 @@ fn of_structure(context: &Context<'_>, found: &Found) -> Option<f64> {
     let variables = [found.variables.as_slice(), &[Variable::Delay]].concat();
     let worthwhile = WORTH * prompt.minimum.cost;
     let late = context.descend_towards(worthwhile, context.coarse, &prompt.candidate, variables, STOPPING)?;
-    shown(context, &prompt, &late)
+    is_shown(context, &prompt, &late).then_some(late)
 }
 
-/// The delay (s) of `late` if that brings the cost to a share of [`WORTH`]: of that of `prompt`, which has none, and of films that lag by as
-/// much.
-fn shown(context: &Context<'_>, prompt: &Found, late: &Found) -> Option<f64> {
+/// Whether `late` brings the cost to a share of [`WORTH`]: of that of `prompt`, which has no delay, and of films that lag by as much.
+fn is_shown(context: &Context<'_>, prompt: &Found, late: &Found) -> bool {
     if late.minimum.cost > WORTH * prompt.minimum.cost {
-        return None;
+        return false;
     }
     let delay_s = late.candidate.delay_s;
     let lag =
@@ -135,12 +148,13 @@ fn shown(context: &Context<'_>, prompt: &Found, late: &Found) -> Option<f64> {
     let film = Candidate { delay_s: prompt.candidate.delay_s, ..late.candidate.clone() };
     let lags = [&prompt.candidate, &film].into_iter().filter_map(lag);
     let least = lags.fold(prompt.minimum.cost, f64::min);
-    let samples = context.coarse.whiteness(&late.candidate)?.effective_samples;
     let share = late.minimum.cost / least;
-    let is_shown = share <= WORTH
-        && (1.0 - share) * samples > SIGNIFICANT
-        && is_clear(context, context.coarse, late, shortest_s(context));
-    is_shown.then_some(delay_s)
+    let is_significant = |samples: f64| {
+        share <= WORTH
+            && (1.0 - share) * samples > SIGNIFICANT
+            && is_clear(context, context.coarse, late, shortest_s(context))
+    };
+    context.coarse.whiteness(&late.candidate).is_some_and(|whiteness| is_significant(whiteness.effective_samples))
 }
 
 /// The film of `candidate` with one more branch, whose dashpot lags by `delay_s`; none where that is not positive.
@@ -165,8 +179,7 @@ fn shortest_s(context: &Context<'_>) -> f64 {
 fn is_clear(context: &Context<'_>, objective: &Objective, late: &Found, shortest_s: f64) -> bool {
     let delay_s = late.candidate.delay_s.abs();
     let is_everywhere = |spread_s: f64| spread_s <= DIFFERS * delay_s;
-    delay_s >= shortest_s.max(open_s(context, objective, late))
-        && spread_s(objective, late).is_some_and(is_everywhere)
+    delay_s >= shortest_s.max(open_s(context, objective, late)) && spread_s(objective, late).is_some_and(is_everywhere)
 }
 
 /// Largest difference (s) of the delay of `found` in a half of a recording of `objective`; none without a response.

@@ -51,10 +51,26 @@ impl PreparedObservations {
     /// Prepares `observations`; `actuator` converts voltage to force.
     pub fn new(observations: &[Observation], actuator: &Actuator) -> Result<Self> {
         let thinned: Vec<Observation> = observations.iter().map(observation::thinned).collect();
+        Self::with_thinned(observations, &thinned, Objective::new(observations, actuator.preload)?, actuator)
+    }
+
+    /// Prepares the beginnings of `observations`, thinned, as if they were all: a search in them is short.
+    pub(super) fn beginnings(observations: &[Observation], actuator: &Actuator) -> Result<Self> {
+        let thinned: Vec<Observation> = observations.iter().map(observation::thinned).collect();
+        let thinned = scouted(&thinned).unwrap_or(thinned);
+        Self::with_thinned(observations, &thinned, Objective::thinned(&thinned)?, actuator)
+    }
+
+    fn with_thinned(
+        observations: &[Observation],
+        thinned: &[Observation],
+        fine: Objective,
+        actuator: &Actuator,
+    ) -> Result<Self> {
         Ok(Self {
-            scout: scouted(&thinned).map(|beginnings| Objective::thinned(&beginnings)).transpose()?,
-            coarse: Objective::thinned(&thinned)?,
-            fine: Objective::new(observations, actuator.preload)?,
+            scout: scouted(thinned).map(|beginnings| Objective::thinned(&beginnings)).transpose()?,
+            coarse: Objective::thinned(thinned)?,
+            fine,
             scales: Scales::new(observations, actuator.force_per_square_volt()),
             excitation: Excitation::new(observations),
             temperature: observation::unknown_dependence(observations),

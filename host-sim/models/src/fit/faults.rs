@@ -274,6 +274,34 @@ fn faults(courses: Vec<Course>, fastest_hz: f64) -> Vec<Fault> {
     faults
 }
 
+/// A stroke that lags the drive by about `lag_s`, within an `interval`, or leads it.
+fn lag(lag_s: f64, interval: &str, but: &str, size: f64) -> Fault {
+    let ms = 1e3 * lag_s.abs();
+    let (finding, advice) = if lag_s > 0.0 {
+        (
+            format!(
+                "the stroke lags the drive by about {ms:.0} ms{interval}: a late sensor, or an amplifier behind its command{but}"
+            ),
+            "record the amplifier's monitor and the stroke with one clock and without filters, and steps or faster cycles; fit `sensor_delay_s` states a known delay",
+        )
+    } else {
+        (
+            format!(
+                "the drive lags the stroke by about {ms:.0} ms{interval}: a slow monitor, clocks that differ, or a stroke that was smoothed without delay{but}"
+            ),
+            "record both with one clock and without filters; fit `sensor_delay_s` states a known difference",
+        )
+    };
+    Fault { effect: Effect::Lag(lag_s), ..Fault::of_all(finding, advice, size) }
+}
+
+/// A delay of the sensor that a film is fitted with, which is too short to be seen as a lag of the cycles.
+pub(crate) fn delay(observations: &[Observation]) -> Option<Fault> {
+    let (delay_s, interval_s) = super::late_s(observations)?;
+    let [low, high] = interval_s.map(|end_s| 1e3 * delay_s.signum() * end_s);
+    Some(lag(delay_s, &format!(" ({:.0} to {:.0} ms)", low.min(high), low.max(high)), "", 0.0))
+}
+
 /// One of each kind of `faults`, with a remark for those in other places.
 fn once_each(faults: &mut Vec<Fault>) {
     let mut kept: Vec<Fault> = Vec::new();
@@ -384,24 +412,8 @@ impl State {
         if lag_s.abs() < LATE / fastest_hz {
             return None;
         }
-        let ms = 1e3 * lag_s.abs();
-        let (finding, advice) = if lag_s > 0.0 {
-            let finding = format!(
-                "the stroke lags the drive by about {ms:.0} ms: a late sensor, or an amplifier behind its command, unless the film itself is \
-                 that slow, which these cycles do not show"
-            );
-            (
-                finding,
-                "record the amplifier's monitor and the stroke with one clock and without filters, and steps or faster cycles; fit `sensor_delay_s` states a known delay",
-            )
-        } else {
-            let finding = format!(
-                "the drive lags the stroke by about {ms:.0} ms: a slow monitor, clocks that differ, or a stroke that was smoothed without delay"
-            );
-            (finding, "record both with one clock and without filters; fit `sensor_delay_s` states a known difference")
-        };
-        let (size, effect) = (TAU * fastest_hz * lag_s.abs() / 3.0, Effect::Lag(lag_s));
-        Some(Fault { file: None, finding, advice, size, effect })
+        let but = ", unless the film itself is that slow, which these cycles do not show";
+        Some(lag(lag_s, "", if lag_s > 0.0 { but } else { "" }, TAU * fastest_hz * lag_s.abs() / 3.0))
     }
 
     /// Readings of which the drive explains less than half.

@@ -38,6 +38,8 @@ pub mod uncertainty;
 use std::f64::consts::PI;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use springpot::Actuator;
+
 use crate::agreement::{Agreement, mean_r2};
 use crate::error::{Error, Result};
 use crate::files::recording::Input;
@@ -162,6 +164,18 @@ pub fn fit(
         }
     }
     Fit::new(&context, observations, settings, &faults, Selected { found, rows, refits }, uncertainty, interrupted)
+}
+
+/// The delay (s) of the sensor that the beginning of the thinned `observations` shows, whichever small structure the film has, and its
+/// interval.
+pub(crate) fn late_s(observations: &[Observation]) -> Option<(f64, [f64; 2])> {
+    if Excitation::new(observations).temperatures {
+        return None;
+    }
+    // Its inertia is not known.
+    let settings = Settings { actuator: Actuator { mass_kg: 0.0, ..Actuator::KARNER_2022 }, ..Settings::default() };
+    let prepared = PreparedObservations::beginnings(observations, &settings.actuator).ok()?;
+    delay::of_small_structures(&prepared.context(&settings, &AtomicBool::new(false)))
 }
 
 /// `observations` whose readings have the zeros of `reading` as well.

@@ -18,6 +18,7 @@ mod full_memory;
 mod hostile_sensors;
 mod hours;
 mod intervals;
+mod late_sensor;
 mod measured_curve;
 #[path = "../../../../crates/springpot/tests/it/support/models.rs"]
 mod models;
