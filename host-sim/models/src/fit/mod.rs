@@ -27,6 +27,7 @@ pub mod readings;
 mod repeats;
 pub mod report;
 pub mod residuals;
+mod resolution;
 pub mod rising;
 mod search;
 pub mod selection;

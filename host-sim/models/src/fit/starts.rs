@@ -6,8 +6,8 @@ use springpot::{Actuator, Springpot, Topology};
 
 use super::bend::{Bend, Elastic};
 use super::candidate::Candidate;
-use super::delay::Resolution;
 use super::observation::Observation;
+use super::resolution::Resolution;
 use super::rising::Rising;
 use super::settings::CurveChoice;
 use crate::files::recording::Input;

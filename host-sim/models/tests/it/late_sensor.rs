@@ -154,7 +154,7 @@ fn the_time_between_two_rows_is_no_delay_of_the_sensor() {
     });
 }
 
-/// What is stated of a delay contains it, in a fit and in a check.
+/// The interval that a fit or a check states contains the delay.
 #[test]
 fn the_interval_contains_the_delay() {
     let count = if full_sweep() { 200 } else { 5 };
@@ -186,7 +186,7 @@ fn the_interval_contains_the_delay() {
     assert!(3 * of_fit > count as usize && 4 * of_check > count as usize, "{named:?}");
 }
 
-/// A sensor that is not late is not said to be.
+/// A check reports no delay of a sensor that has none.
 #[test]
 fn a_prompt_sensor_is_not_late() {
     let count = if full_sweep() { 240 } else { 5 };
