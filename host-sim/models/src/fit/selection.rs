@@ -66,9 +66,9 @@ impl StructureRow {
 const STANDARD_ERRORS: f64 = 2.0;
 /// Smallest mean difference that matters, as a logarithm of mean squares: errors 1 % smaller.
 const MIN_DIFFERENCE: f64 = 0.02;
-/// The same for Hencky's strain in a film of constant volume, whose two numbers are physics, not fitted: errors 3 % larger. What it
+/// The same for Hencky's strain in a film of constant volume, whose two numbers are physics, not fitted: errors 2 % larger. What it
 /// leaves unexplained beside noise moves the longest relaxation time less than two fitted numbers do.
-const MIN_DIFFERENCE_HENCKY: f64 = 0.06;
+const MIN_DIFFERENCE_HENCKY: f64 = 0.04;
 /// Error that no application resolves, as a share of a recording's range: what is below does not matter.
 const FLOOR: f64 = 2e-4;
 /// The same difference for a curve or a saturation if the recordings have one amplitude, where creep and stiffening look alike: errors beyond the

@@ -220,7 +220,7 @@ impl Kind {
         }
     }
 
-    /// Whether its spring is beside the memory; `pieces` of it.
+    /// The pieces of its spring beside the memory, if it has one.
     pub(super) fn beside(self) -> Option<usize> {
         match self {
             Self::Beside { pieces } => Some(pieces),
