@@ -404,6 +404,18 @@ fn self_sensing_has_the_constants_of_its_tone() {
             ("per_rest", &[1.0 / 700e-12]),
             // A quarter of the range beyond both ends.
             ("changes", &[-0.25 * 200.0 / 700.0, 1.25 * 200.0 / 700.0]),
+            // The square root of a stretch, and its slope.
+            ("stroke", &[0.03, -0.0075, 0.00375]),
+            ("slope", &[-0.015, 0.01125]),
+            ("creep", &[0.0]),
+            ("instant", &[1.0]),
         ],
     );
+    assert_eq!(SelfSensingOptions::BENCH.age_ticks(), 14);
+    // Where the cable is not known, a sixteenth of the film has to show.
+    let unknown = SelfSensingOptions { cable_f: 0.0, ..SelfSensingOptions::BENCH };
+    let mut visited = Visited::default();
+    SelfSensing::<f64>::new(&relation, unknown).expect("valid").numbers(&mut visited);
+    let least = visited.values.iter().find(|(.., name, _)| *name == "min_admittance").expect("there").2;
+    assert!((least / admittance(700e-12 / 16.0).powi(2) - 1.0).abs() < 1e-12, "{least}");
 }

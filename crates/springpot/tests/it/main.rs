@@ -5,6 +5,7 @@
 mod adaptation;
 mod amplifier;
 mod bent_laws;
+mod capacitance;
 mod coarser;
 mod compressed_memory;
 mod compression_bound;
@@ -31,4 +32,5 @@ mod single_precision;
 mod state_names;
 mod support;
 mod temperature;
+mod tone;
 mod two_curves;
