@@ -5,6 +5,7 @@
 mod adaptation;
 mod amplifier;
 mod bent_laws;
+mod blocks;
 mod capacitance;
 mod coarser;
 mod compressed_memory;
@@ -12,6 +13,7 @@ mod compression_bound;
 mod constants;
 mod continuous_oracle;
 mod curves;
+mod cycles;
 mod dual_numbers;
 mod feedforward;
 mod follower;
