@@ -36,8 +36,12 @@ impl Bench {
 
     /// The largest error in so many seconds, m, and the largest correction.
     fn run(&mut self, seconds: u32) -> [f64; 2] {
+        self.run_ticks(1000 * seconds)
+    }
+
+    fn run_ticks(&mut self, ticks: u32) -> [f64; 2] {
         let mut largest = [0.0_f64; 2];
-        for _ in 0..1000 * seconds {
+        for _ in 0..ticks {
             if self.tick.is_multiple_of(10) {
                 let noise_m = if self.tick.is_multiple_of(20) { self.noise_m } else { -self.noise_m };
                 self.state.observe(SensorSample { displacement_m: REFERENCE_M + self.left_m + noise_m, age_ticks: 0 });
@@ -140,6 +144,33 @@ fn an_excessive_error_ends_a_block() {
     // To settle, 16 samples, and six times the two lags and the approach.
     bench.run(1);
     assert!(bench.state.added().abs() < 0.02 * ERROR_M, "{:e} m are still added", bench.state.added());
+    // A block of two cycles, in which the film settles, and one of one cycle, after which the first step is made: 0.2 s more each.
+    bench.run(7);
+    let share = -bench.state.added() / (0.6 * bench.error_m);
+    assert!((share - 1.0).abs() < 0.01, "{share} of the first step");
+}
+
+/// A change within the noise of a sample, and above that of a block: once a block shows it, the next has one cycle, which ends 2.2 s later.
+#[test]
+fn a_block_after_a_worse_one_is_short() {
+    let mut bench = Bench::new(1.0, 0.5 * ERROR_M);
+    bench.run(100);
+    assert_eq!(bench.state.taken_over(), 1.0);
+    bench.error_m += 0.75 * ERROR_M;
+    let mut next = |before: f64| {
+        let ticks = (1..).find(|_| {
+            bench.run_ticks(1);
+            bench.state.taken_over() != before
+        });
+        (ticks, bench.state.taken_over())
+    };
+    // Two sixteenths less, and one more.
+    let (_, taken_over) = next(1.0);
+    assert_eq!(taken_over, 1.0 - 2.0 / 16.0);
+    let (ticks, taken_over) = next(taken_over);
+    assert_eq!(taken_over, 1.0 - 1.0 / 16.0);
+    // To the seven ticks in which each harmonic is visited once.
+    assert!(ticks.is_some_and(|ticks| (2193..=2207).contains(&ticks)), "{ticks:?} ticks");
 }
 
 /// Limits that leave no block for 10 s halve the correction, and again after as long.
