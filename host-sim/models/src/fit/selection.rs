@@ -66,8 +66,8 @@ impl StructureRow {
 const STANDARD_ERRORS: f64 = 2.0;
 /// Smallest mean difference that matters, as a logarithm of mean squares: errors 1 % smaller.
 const MIN_DIFFERENCE: f64 = 0.02;
-/// The same for Hencky's strain in a film of constant volume, whose two numbers are physics, not fitted: errors 2 % larger. What it
-/// leaves unexplained beside noise moves the longest relaxation time less than two fitted numbers do.
+/// The same for Hencky's strain in a film of constant volume, whose two numbers are physics, not fitted: errors 2 % larger, on what
+/// was left out and in the fit itself. What it leaves unexplained beside noise then moves the longest relaxation time less than two fitted numbers do.
 const MIN_DIFFERENCE_HENCKY: f64 = 0.04;
 /// Error that no application resolves, as a share of a recording's range: what is below does not matter.
 const FLOOR: f64 = 2e-4;
@@ -243,11 +243,16 @@ impl Selection {
         let is_ruled_out = |k: &usize| supported.iter().any(|&other| is_far_from(*k, other));
         let admitted: Vec<usize> = supported.iter().copied().filter(|k| !is_ruled_out(k)).collect();
         let best = admitted.iter().copied().min_by(by_size);
+        let least_nrmse_pct = admitted.iter().map(|&k| fits[k].nrmse_pct).fold(f64::INFINITY, f64::min);
         let is_not_worse = |k: &usize| {
+            let is_hencky = fits[*k].found.candidate.is_hencky();
+            if is_hencky && fits[*k].nrmse_pct > least_nrmse_pct * (0.5 * MIN_DIFFERENCE_HENCKY).exp() {
+                return false;
+            }
             let pair = best.and_then(errors).zip(errors(*k));
             pair.is_none_or(|(best, this)| {
                 let (mean, error) = difference(this, best);
-                let least = if fits[*k].found.candidate.is_hencky() { MIN_DIFFERENCE_HENCKY } else { MIN_DIFFERENCE };
+                let least = if is_hencky { MIN_DIFFERENCE_HENCKY } else { MIN_DIFFERENCE };
                 mean <= least.max(STANDARD_ERRORS * error)
             })
         };
