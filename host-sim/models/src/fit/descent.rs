@@ -181,7 +181,8 @@ impl Context<'_> {
         let is_open = is_beside && self.excitation.voltage_driven && candidate.actuator.mass_kg > 0.0;
         let is_open = is_open && !self.freed.iter().chain(&self.settings.held).any(is_scale);
         let scale = is_open.then_some(Variable::Permittivity);
-        let is_kept = |variable: &Variable| candidate.is_hencky() && *variable == Variable::StretchCoupling;
+        let keeps_coupling = candidate.is_hencky() && !self.freed.contains(&Variable::Length);
+        let is_kept = |variable: &Variable| keeps_coupling && *variable == Variable::StretchCoupling;
         let of_film = self.variables(candidate.branches()).into_iter().filter(|variable| !is_kept(variable));
         of_film.chain(bent).chain(scale).collect()
     }

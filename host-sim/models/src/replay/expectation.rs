@@ -258,23 +258,27 @@ impl Recorded {
         let end = |of: fn(f64, f64) -> f64, from: f64| reference.iter().copied().fold(from, of);
         let speed = differences(reference).map(f64::abs).fold(0.0, f64::max) * grid.rate_hz;
         let stroke = high - low;
+        // Faster cycles of a large stroke exceed both: one line for one cause.
+        let frequency_hz = mean_frequency_hz(reference, grid);
+        let is_fast = frequency_hz * self.speed_m_per_s > speed * self.frequency_hz && self.frequency_hz > 0.0;
+        let fast = if is_fast {
+            (Quantity::Frequency, frequency_hz, self.frequency_hz, self.frequency_hz)
+        } else {
+            (Quantity::Speed, speed, self.speed_m_per_s, self.speed_m_per_s)
+        };
         let quantities = [
             (Quantity::Stroke, end(f64::max, high), high, stroke),
             (Quantity::Stroke, end(f64::min, low), low, stroke),
             (Quantity::Voltage, voltage_v, self.voltage_v, self.voltage_v),
-            (Quantity::Speed, speed, self.speed_m_per_s, self.speed_m_per_s),
+            fast,
             (Quantity::Time, grid.step_s() * (reference.len() - 1) as f64, self.time_s, self.time_s),
         ];
-        // Faster cycles of a large stroke exceed the speed as well.
-        let is_slow = self.frequency_hz > 0.0 && speed <= (1.0 + SLACK) * self.speed_m_per_s;
-        let frequency = is_slow
-            .then(|| (Quantity::Frequency, mean_frequency_hz(reference, grid), self.frequency_hz, self.frequency_hz));
         let temperature = self.temperature_c.zip(temperature_c).map(|([low, high], needed)| {
             (Quantity::Temperature, needed, needed.clamp(low, high), (high - low).max(SAME_K))
         });
         let mut growth = if temperature.is_some() { SEVERAL_TEMPERATURES } else { 1.0 };
         let mut beyond = Vec::new();
-        for (quantity, needed, recorded, size) in quantities.into_iter().chain(frequency).chain(temperature) {
+        for (quantity, needed, recorded, size) in quantities.into_iter().chain(temperature) {
             let share = match quantity {
                 Quantity::Stroke | Quantity::Temperature => (needed - recorded).abs(),
                 _ => needed - recorded,

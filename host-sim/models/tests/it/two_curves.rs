@@ -236,18 +236,22 @@ fn the_scale_of_assumed_sizes_is_no_finding_of_its_own() {
     assert_eq!(reported, [1, 0]);
 }
 
-/// A fit that starts from a film of constant volume keeps Hencky's strain, and fits the exponent of another one.
+/// A fit that starts from a film of constant volume keeps Hencky's strain, and its coupling unless the length is fitted. Of another film it fits both.
 fn kept_with_start(observations: &[Observation], film: &Parameters) {
     let other = Actuator { stretch_coupling: 18.0, ..film.actuator };
-    for (actuator, kept) in [(film.actuator, true), (other, false)] {
-        let settings = FitOptions::default().settings(Some(film.clone()), Some((actuator, false))).expect("settings");
+    let open = vec!["length_m".to_owned()];
+    for (actuator, free, kept) in
+        [(film.actuator, vec![], [true; 2]), (film.actuator, open, [true, false]), (other, vec![], [false; 2])]
+    {
+        let options = FitOptions { free, ..FitOptions::default() };
+        let settings = options.settings(Some(film.clone()), Some((actuator, false))).expect("settings");
         let fit = recorded::fitted(observations, &settings).parameters(&settings, Direction::Force, &[]);
         let fit = fit.expect("parameters");
         let exponent = match fit.curve.expect("a curve").shape() {
             Shape::Measure(measure) => measure.exponent,
             other => panic!("{other:?}"),
         };
-        assert_eq!((exponent == 0.0, fit.actuator.stretch_coupling == actuator.stretch_coupling), (kept, kept));
+        assert_eq!([exponent == 0.0, fit.actuator.stretch_coupling == actuator.stretch_coupling], kept);
     }
 }
 
