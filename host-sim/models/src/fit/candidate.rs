@@ -145,6 +145,13 @@ impl Candidate {
         matches!(self.bend, Bend::Measure { fitted: 0, .. })
     }
 
+    /// The same film of constant volume with its memory in Hencky's strain.
+    pub(super) fn to_hencky(&self) -> Self {
+        let mut hencky = Self { bend: self.bend.to_hencky(self.actuator.length_m), ..self.clone() };
+        hencky.actuator.stretch_coupling = 1.0 / self.actuator.length_m;
+        hencky
+    }
+
     /// The displacement sensor.
     pub fn sensor(&self) -> DisplacementSensor {
         DisplacementSensor { offset_m: self.offset_m, delay_s: self.delay_s }

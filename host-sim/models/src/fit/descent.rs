@@ -187,16 +187,6 @@ impl Context<'_> {
         of_film.chain(bent).chain(scale).collect()
     }
 
-    /// `candidate` of constant volume with its memory in Hencky's strain, whose coupling is kept at 1 / length if a fit may change it.
-    pub(super) fn hencky(&self, candidate: &Candidate) -> Candidate {
-        let mut hencky = candidate.clone();
-        hencky.bend = candidate.bend.to_hencky(candidate.actuator.length_m);
-        if self.freed.contains(&Variable::StretchCoupling) {
-            hencky.actuator.stretch_coupling = 1.0 / candidate.actuator.length_m;
-        }
-        hencky
-    }
-
     /// Half as many random starts of a structure as usual.
     pub fn linear_starts(&self, topology: Topology, branches: usize) -> Vec<Candidate> {
         let start =

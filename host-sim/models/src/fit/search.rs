@@ -161,10 +161,11 @@ impl Search<'_> {
     fn nonlinear(&self, linear: &[Found]) -> Vec<Found> {
         let Self { context, settings, stages, .. } = self;
         let is_auto = settings.curve == CurveChoice::Auto;
-        // Without a length and an exponent of its own there is no Hencky's strain to compare.
-        let is_open = context.freed.contains(&Variable::Length) || settings.held.contains(&Variable::Exponent);
+        // Hencky's strain is that of a film of constant volume, whose coupling follows from its length.
+        let is_free = |variable: &Variable| context.freed.contains(variable);
+        let may_be_hencky = is_free(&Variable::StretchCoupling) && !is_free(&Variable::Length);
         let mut kinds = Kind::for_choice(settings.curve, self.observations);
-        kinds.retain(|kind| *kind != Kind::Hencky || !is_open);
+        kinds.retain(|kind| *kind != Kind::Hencky || may_be_hencky);
         let Some(best) = least(linear.iter()).filter(|best| kinds.len() > 1 && !(is_auto && self.is_white(best)))
         else {
             return Vec::new();
@@ -209,7 +210,7 @@ impl Search<'_> {
                     starts.extend(context.linear_starts(topology, branches).iter().flat_map(bent));
                 }
                 if kind == Kind::Hencky {
-                    starts = starts.iter().map(|start| context.hencky(start)).collect();
+                    starts = starts.iter().map(Candidate::to_hencky).collect();
                 }
                 let variables = context.variables_of(starts.first()?);
                 match beginning {
