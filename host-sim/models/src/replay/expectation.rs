@@ -46,17 +46,23 @@ fn rise(grid: Grid, samples: usize) -> usize {
     ((RISE_S * grid.rate_hz) as usize).min(samples - 1)
 }
 
-/// How often a `reference` goes through its median after the rise, by more than a twentieth of its range to both sides, in periods a second.
+/// How often a `reference` goes through its median after the rise, by more than a twentieth of its range to both sides, in periods a second
+/// between the first and the last time.
 fn mean_frequency_hz(reference: &[f64], grid: Grid) -> f64 {
     let later = &reference[rise(grid, reference.len())..];
     let middle = median(later);
     let margin = 0.05 * percentile_range(later.iter().copied());
-    let (mut side, mut crossings) = (0.0, 0);
-    for value in later.iter().map(|value| value - middle).filter(|value| value.abs() > margin) {
-        crossings += u32::from(side * value < 0.0);
+    let (mut side, mut crossings) = (0.0, Vec::new());
+    for (k, value) in later.iter().map(|value| value - middle).enumerate().filter(|(_, value)| value.abs() > margin) {
+        if side * value < 0.0 {
+            crossings.push(k);
+        }
         side = value;
     }
-    0.5 * f64::from(crossings) * grid.rate_hz / later.len() as f64
+    match crossings.as_slice() {
+        [first, .., last] => 0.5 * (crossings.len() - 1) as f64 * grid.rate_hz / (last - first) as f64,
+        _ => 0.0,
+    }
 }
 
 /// The range of what was recorded of a film.

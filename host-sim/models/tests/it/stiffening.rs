@@ -272,6 +272,9 @@ fn what_was_not_recorded_is_reported() {
         let volts = vec![voltage_v; reference.len()];
         let Expectation { feedforward_error_pct: [_, high], beyond, .. } =
             recorded.expectation(&parameters, &reference, grid, peak_m, volts);
+        let frequency_hz =
+            beyond.iter().find(|beyond| beyond.quantity == Quantity::Frequency).map(|beyond| beyond.needed);
+        assert!(frequency_hz.is_none_or(|needed| (needed / hz - 1.0).abs() < 0.01), "{frequency_hz:?} for {hz} Hz");
         (high * peak_m, beyond.iter().map(|beyond| beyond.quantity).collect::<Vec<_>>())
     };
     let (inside, none) = expectation(1.9e-3, 0.4, 60.0, 2.9e3);
