@@ -4,6 +4,7 @@
 //! recording, and of powers of that sum. Films of any law come out within a fraction of a per cent of their stroke, without a search; what a
 //! fault adds to the readings does not.
 
+use std::ops::Range;
 use std::{array, iter};
 
 use super::observation::Observation;
@@ -15,6 +16,11 @@ use crate::statistics::{differences, median, peak, percentile_range, range, robu
 const RATIO: f64 = 3.0;
 /// Most blocks of rows in all recordings.
 const BLOCKS: usize = 1200;
+/// Longest block and shortest filter time in periods of the fastest cycle: means over more of it show less, over a whole one nothing.
+const PERIOD: f64 = 0.25;
+const FILTER: f64 = 0.02;
+/// Fraction by which places of blocks in their parts of a recording move on, so that no cycle is met in the same phase every time.
+const GOLDEN: f64 = 0.618_033_988_749_895;
 /// Part of a column that must be new beside the others.
 const NEW: f64 = 1e-5;
 
@@ -30,12 +36,16 @@ pub(crate) struct Course {
     pub(super) reading: Vec<f64>,
 }
 
-/// Recordings in blocks of rows.
+/// Recordings in parts of as many rows, each with a block of rows that count.
 #[derive(Clone)]
 pub(super) struct Blocks {
     pub(super) courses: Vec<Course>,
-    /// Rows of a block.
+    /// Rows of a part, and of its block.
+    part: usize,
     rows: usize,
+    /// Interval of the rows, and period of the fastest cycle; infinite without cycles.
+    step_s: f64,
+    period_s: f64,
     /// Recording and time of each block that has readings.
     pub(super) places: Vec<(usize, f64)>,
     /// Mean reading of each, m.
@@ -238,14 +248,17 @@ impl Filters {
 }
 
 impl Blocks {
-    /// Joins `courses`, whose drives become shares of the largest; none without readings that move.
-    pub(super) fn new(mut courses: Vec<Course>) -> Option<Self> {
+    /// Joins `courses`, whose drives become shares of the largest, and whose fastest cycle is of `period_s`; none without readings that move.
+    pub(super) fn new(mut courses: Vec<Course>, period_s: f64) -> Option<Self> {
         let peak = courses.iter().map(|course| peak(&course.drive)).fold(0.0, f64::max);
         courses.iter_mut().flat_map(|course| &mut course.drive).for_each(|value| *value /= peak);
         let total: usize = courses.iter().map(|course| course.time_s.len()).sum();
-        let rows = total.div_ceil(BLOCKS).max(1);
+        let steps = courses.iter().flat_map(|course| differences(&course.time_s));
+        let step_s = median(&steps.collect::<Vec<f64>>());
+        let part = total.div_ceil(BLOCKS).max(1);
+        let rows = part.min((PERIOD * period_s / step_s) as usize).max(1);
         let (places, reading, kept) = (Vec::new(), Vec::new(), Vec::new());
-        let mut blocks = Self { courses, rows, places, reading, kept, stroke_m: 0.0 };
+        let mut blocks = Self { courses, part, rows, step_s, period_s, places, reading, kept, stroke_m: 0.0 };
         let readings: Vec<Vec<f64>> = blocks.courses.iter().map(|course| course.reading.clone()).collect();
         let times: Vec<Vec<f64>> = blocks.courses.iter().map(|course| course.time_s.clone()).collect();
         blocks.reading = blocks.means(&readings);
@@ -266,15 +279,25 @@ impl Blocks {
             course.drive.reverse();
             course.reading.reverse();
         }
-        Self::new(courses)
+        Self::new(courses, self.period_s)
+    }
+
+    /// The rows of each block of a recording of so many `rows`.
+    fn blocks(&self, rows: usize) -> impl Iterator<Item = Range<usize>> + use<> {
+        let (part, block) = (self.part, self.rows);
+        (0..rows.div_ceil(part)).map(move |k| {
+            let from = k * part + ((part - block) as f64 * (k as f64 * GOLDEN).fract()) as usize;
+            from.min(rows)..(from + block).min(rows)
+        })
     }
 
     /// Means over the blocks of one value for each row of each recording, of the rows that have a reading.
     pub(super) fn means(&self, values: &[Vec<f64>]) -> Vec<f64> {
         let mut means = Vec::new();
         for (course, values) in self.courses.iter().zip(values) {
-            for (readings, values) in course.reading.chunks(self.rows).zip(values.chunks(self.rows)) {
-                let present = readings.iter().zip(values).filter(|(reading, _)| !reading.is_nan());
+            for block in self.blocks(values.len()) {
+                let rows = course.reading[block.clone()].iter().zip(&values[block]);
+                let present = rows.filter(|(reading, _)| !reading.is_nan());
                 let (count, sum) = present.fold((0, 0.0), |(count, sum), (_, value)| (count + 1, sum + value));
                 if count > 0 {
                     means.push(sum / f64::from(count));
@@ -291,13 +314,14 @@ impl Blocks {
             let mut means: [Vec<f64>; LANES] = array::from_fn(|_| Vec::with_capacity(self.reading.len()));
             for (Course { time_s, reading, .. }, load) in self.courses.iter().zip(loads) {
                 let mut filters = Filters::new(tau_s, time_s[0], load[0]);
-                for (block, readings) in reading.chunks(self.rows).enumerate() {
+                let mut from = 0;
+                for block in self.blocks(reading.len()) {
                     let (mut count, mut sums) = (0, [0.0; LANES]);
-                    for (k, reading) in (block * self.rows..).zip(readings) {
+                    for k in from..block.end {
                         if k > 0 {
                             filters.step(time_s[k] - time_s[k - 1], [load[k - 1], load[k]]);
                         }
-                        if !reading.is_nan() {
+                        if k >= block.start && !reading[k].is_nan() {
                             count += 1;
                             sums.iter_mut().zip(filters.values).for_each(|(sum, value)| *sum += value);
                         }
@@ -305,6 +329,7 @@ impl Blocks {
                     if count > 0 {
                         means.iter_mut().zip(sums).for_each(|(means, sum)| means.push(sum / f64::from(count)));
                     }
+                    from = block.end;
                 }
             }
             means.into_iter().take(some.len())
@@ -370,9 +395,7 @@ impl Blocks {
 
     /// The shortest filter time: what a cycle of the drive still shows.
     fn shortest_s(&self) -> f64 {
-        let steps = self.courses.iter().flat_map(|course| differences(&course.time_s));
-        let step_s = median(&steps.collect::<Vec<f64>>());
-        (2.0 * step_s).max(1e-4 * self.longest_s())
+        (2.0 * self.step_s).max((1e-4 * self.longest_s()).min(FILTER * self.period_s))
     }
 
     /// The modelled reading of each block as a share of the stroke.

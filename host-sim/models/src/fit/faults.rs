@@ -241,7 +241,7 @@ pub(crate) fn faults_at_temperatures<R>(
 
 /// The causes of what no film explains in `courses`, largest first.
 fn faults(courses: Vec<Course>, fastest_hz: f64) -> Vec<Fault> {
-    let Some(blocks) = Blocks::new(courses) else { return Vec::new() };
+    let Some(blocks) = Blocks::new(courses, 1.0 / fastest_hz) else { return Vec::new() };
     let drives: Vec<Vec<f64>> = blocks.courses.iter().map(|course| course.drive.clone()).collect();
     let mut state = State { basis: blocks.film(&drives), blocks, drives, added: Vec::new(), is_shifted: false };
     let mut faults = state.stuck();

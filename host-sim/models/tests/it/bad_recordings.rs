@@ -19,7 +19,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{Actuator, CommandLimits};
 
-use crate::recorded::{fitted_to, recording, risen_sine_m, rms};
+use crate::recorded::{fitted_to, noise, recording, risen_sine_m, rms};
 use crate::sweep::{full_sweep, sample};
 
 use faults::{FAULTS, Fault, Stage, UNEVEN};
@@ -312,4 +312,28 @@ fn sound_recordings_are_not_accused() {
     });
     let accused: Vec<u64> = accused.collect();
     assert!(accused.len() * 100 <= count as usize, "{accused:?}");
+}
+
+/// A film without a lag, that creeps in 10 s and 15 min, for ten hours of cycles of 20 s: more cycles than there are blocks of rows to be judged.
+#[test]
+fn long_recordings_are_judged_within_their_cycles() {
+    let (step_s, rows) = (0.5, 72_000);
+    let volts = |t: f64| if t < 18_000.0 { sine(0.05, PEAK_V, t) } else { sine(0.0137, 0.6 * PEAK_V, t - 18_000.0) };
+    let mut noisy = noise(5, 2e-6);
+    let mut states = [(0.2, 10.0, 0.0), (0.3, 900.0, 0.0)];
+    let row = |k: usize| {
+        let t = k as f64 * step_s;
+        let load = |t: f64| (volts(t) / PEAK_V).powi(2);
+        for (share, tau_s, y) in &mut states {
+            // Steps of 5 ms up to this row.
+            let from = if k == 0 { 100 } else { 0 };
+            (from..100).for_each(|j| {
+                let middle = t - step_s + (f64::from(j) + 0.5) * step_s / 100.0;
+                *y += (*share * load(middle) - *y) * (1.0 - (-step_s / 100.0 / *tau_s).exp());
+            });
+        }
+        [t, volts(t), 1e-3 * (load(t) + states.iter().map(|(.., y)| y).sum::<f64>()) + noisy()]
+    };
+    let rows: Vec<[f64; 3]> = (0..rows).map(row).collect();
+    assert_eq!(findings(&[recording("long", &rows)]), Vec::<String>::new());
 }
