@@ -82,8 +82,9 @@ const MIN_LEFT_OUT: f64 = 0.45;
 /// Share of the noise's mean square that remains in comparisons without it, and the error that matters beside it, as a share of the range.
 const NOISE_LEFT: f64 = 0.05;
 const MATTERS: f64 = 1e-3;
-/// Share of a cost to which one more branch must bring it for another to be tried.
-const WORTH: f64 = 0.97;
+/// Share of a cost to which one more branch must bring it for another to be tried: one that explains a part of the creep of two brings it less far than the
+/// second one then does.
+const WORTH: f64 = 0.985;
 
 /// Whether `cost` is so much less than that of one branch fewer that one more is tried.
 pub(super) fn is_worth_it(cost: f64, smaller: f64) -> bool {
