@@ -211,6 +211,12 @@ impl<M: ControllerMemory> Device<M> {
         }
     }
 
+    /// Changes the controller in memory, as bits that flip do.
+    #[cfg(test)]
+    pub(crate) fn flip(&mut self, change: impl FnOnce(&mut Controller<M>)) {
+        self.controller.as_mut().map(change);
+    }
+
     /// Whether the background has been alive within half a second. Otherwise the tick must not feed the watchdog: a host could not stop the
     /// board.
     #[must_use]

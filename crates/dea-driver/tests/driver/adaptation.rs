@@ -316,6 +316,7 @@ fn it_is_ordered_over_the_link() {
         let answer = host.ask(Command::Adapt(AdaptationOrder::Learn { trip_at }));
         assert_eq!(answer, Answer::Rejected(Reject::Value), "{trip_at}");
     }
+    host.done(Command::Adapt(AdaptationOrder::Learn { trip_at: 0.5 }));
     host.done(Command::Adapt(LEARN));
     assert_eq!((status(&mut host).adapting, status(&mut host).trip_at), (Adapting::Learn, 3.0));
     // Armed, only by the host that armed.

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use dea_driver::{
-    Blob, BlobError, Cause, Control, Controller, DriverState, LearningOrder, Limits, Mode, OnSensorFault, Parameters,
-    SensorFault,
+    Blob, BlobError, Cause, Control, Controller, Device, DriverState, LearningOrder, Limits, Mode, OnSensorFault,
+    Parameters, SensorFault,
 };
 use springpot::ControlError;
 
@@ -102,7 +102,10 @@ fn what_was_learned_is_cleared_or_carried_over() {
     assert!(carried < 8e-6 && anew > 40e-6);
 
     run(&mut bench, 20, |_| false);
-    bench.ask(|controller| controller.order_learning(LearningOrder::Forget));
+    let mut device = Device::new(None);
+    device.install(bench.controller.clone()).expect("nothing is enabled");
+    device.order_learning(LearningOrder::Forget).expect("it learns");
+    bench.controller = device.controller().expect("installed").clone();
     let forgotten = run(&mut bench, 2, |_| true)[1];
     assert!(forgotten[0] > 40e-6 && forgotten[1] < 1e-9, "{forgotten:?}");
 }

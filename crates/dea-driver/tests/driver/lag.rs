@@ -2,10 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use dea_driver::{Blob, BlobError, Cause, Controller, DriverState, LimitsError, Mode, Monitor};
+use dea_driver::{Blob, BlobError, Cause, Controller, DriverState, LimitsError, Mode, Monitor, Supervisor};
 use springpot::AmplifierLag;
 
-use crate::bench::{bench_limits, changed_parameters};
+use crate::bench::{bench_limits, changed_parameters, readings};
 use crate::film_bench::{FilmBench as Bench, adc_v, rides_through};
 use crate::supervisor_bench::RATE_HZ;
 
@@ -114,6 +114,25 @@ fn a_film_may_take_the_time_of_its_bleeder() {
         bench.ask(Controller::disarm).expect("it runs");
         bench.run(6000);
         assert_eq!(bench.state(), state, "{bleeder_s} s");
+    }
+}
+
+/// A time constant for each e-fold from the largest reading down to the band, and one more; 16 e-folds above the band are the end of the search.
+#[test]
+fn a_film_has_a_time_constant_for_each_e_fold() {
+    let lag = AmplifierLag { rise_s: 0.0, fall_s: 0.5 };
+    // From 6.5 kV and a band: 4.7 e-folds into 60 V, 23 into a microvolt.
+    for (band_v, time_constants) in [(60.0, 6), (1e-6, 18)] {
+        let mut limits = bench_limits();
+        limits.monitor.band_v = band_v;
+        let supervisor = Supervisor::new(&limits, RATE_HZ).and_then(|supervisor| supervisor.behind(lag, RATE_HZ));
+        let mut supervisor = supervisor.expect("valid");
+        supervisor.check(readings(3000.0, 1e-6, 0.0));
+        let ticks = (1..20_000u16).find(|&tick| {
+            supervisor.check(readings(0.0, 1e-6 * f32::from(tick % 3), 0.0));
+            supervisor.arm().is_ok()
+        });
+        assert_eq!(ticks, Some(500 * time_constants), "{band_v} V");
     }
 }
 

@@ -173,7 +173,7 @@ fn limits_at_their_bounds_are_kept() {
     changes.iter().for_each(|&change| assert_eq!(checked(change), Ok(())));
 }
 
-/// Values that a file need not state: a tenth of the force, a second, and 2 µm.
+/// Values that a file need not state: a tenth of the force, a second, and 2 µm. With them it is the bench of the film in docs/formats.md.
 #[test]
 fn limits_that_are_not_stated_have_values() {
     let stated = serde_json::json!({
@@ -184,6 +184,7 @@ fn limits_that_are_not_stated_have_values() {
     });
     let limits: Limits = serde_json::from_value(stated).expect("complete");
     assert_eq!((limits.max_disturbance_share, limits.discharge_s, limits.sensor.stuck_band), (0.1, 1.0, 2e-6));
+    assert_eq!(limits, Limits::bench(160e-6));
 }
 
 /// The model alone trips where the full law under the same voltage is between 1.5 % before the end of the stroke and its end, whatever

@@ -4,10 +4,11 @@ use std::f64::consts::TAU;
 
 use dea_driver::server::Denial;
 use dea_driver::wire::Reject;
-use dea_driver::{Blob, Controller, Device, DriverState, Followed, Inputs, Mode, Refusal, Step, Target};
+use dea_driver::{Blob, Cause, Controller, Device, DriverState, Followed, Inputs, Mode, Refusal, Step, Target, Ticked};
 use springpot::{Actuator, Applied, SensorSample, Tracking, VoltageDrive};
 
-use crate::bench::{board_parameters, law};
+use crate::bench::{board_parameters, changed_parameters, law};
+use crate::film_bench::rides_through;
 
 fn device() -> Device {
     let mut device = Device::new(None);
@@ -55,6 +56,50 @@ fn the_loop_test_is_the_law_itself() {
     assert_eq!(device.follow::<Vec<Followed>>(Mode::Voltage, &[]), Err(running));
     // Nor before there are parameters.
     assert_eq!(Device::new(None).rest(), Err(Denial::Rejected(Reject::NoParameters)));
+}
+
+/// Whole ticks are those of the parameters in use, which are not replaced while the amplifier is enabled.
+#[test]
+fn other_parameters_end_the_loop_test_of_the_last_ones() {
+    let mut device = device();
+    device.rest().expect("disabled");
+    assert_eq!(device.tick_test::<Vec<Ticked>>(Mode::Voltage, &[]), Ok(vec![]));
+    let another = || Controller::new(Blob::new(board_parameters()).expect("valid"));
+    device.install(another()).expect("disabled");
+    let missing = Err(Denial::Rejected(Reject::NoParameters));
+    assert_eq!(device.tick_test::<Vec<Ticked>>(Mode::Voltage, &[]), missing);
+    tick(&mut device, 0);
+    device.arm().expect("healthy");
+    assert_eq!(device.install(another()), Err(Refusal::State(DriverState::Armed)));
+}
+
+/// A controller at rest has the stroke of a new one whose sensor has shown the film at rest, without any sensor.
+#[test]
+fn a_controller_at_rest_knows_that_the_film_is() {
+    let parameters = changed_parameters(|p| {
+        rides_through(p);
+        p.limits.max_displacement_m = 1e-3;
+    });
+    let new = Controller::new(Blob::new(parameters).expect("valid"));
+    let trips = |mut controller: Controller, shows: bool| {
+        let mut dac_v = 0.0;
+        (0..60_000u16).find(|&tick| {
+            let sensor_adc_v = (shows && tick < 2).then_some(1.0);
+            dac_v = controller.tick(Inputs { interlock_closed: true, monitor_adc_v: Some(dac_v), sensor_adc_v }).dac_v;
+            let _ = match controller.supervisor().state() {
+                DriverState::Disarmed => controller.arm(),
+                DriverState::Armed => controller.start(Mode::Voltage),
+                _ => Ok(()),
+            };
+            controller.heartbeat();
+            let _ = controller.set_voltage(f32::from(tick) / 10.0);
+            controller.supervisor().state() == DriverState::Tripped(Cause::ModelDisplacement)
+        })
+    };
+    let shown = trips(new.clone(), true);
+    assert!(shown.is_some());
+    assert_eq!(trips(new.at_rest(), false), shown);
+    assert!(trips(new, false) < shown);
 }
 
 /// The loop test of the control is `springpot::Tracking` itself, bit for bit, in all three modes.

@@ -146,9 +146,17 @@ fn a_film_that_was_live_for_long_is_acknowledged_once() {
         let acknowledged = bench.supervisor.acknowledge();
         assert_eq!(acknowledged, if ticks < 1000 { Err(Refusal::LiveVoltage) } else { Ok(()) }, "{ticks} ticks");
     }
-    assert_eq!(bench.tick(|_| ()), DriverState::Disarmed);
+    assert_eq!(bench.supervisor.state(), DriverState::Disarmed);
     let reported = (1..2000).find(|_| bench.tick(live) == DriverState::Tripped(Cause::LiveFilm));
     assert_eq!(reported, Some(1001));
+    // Before and after it was armed are two times: 0.9 s and 0.5 s with a second between.
+    let mut bench = Bench::new(&bench_limits());
+    bench.ticks(900, live);
+    bench.ticks(1000, |_| ());
+    bench.supervisor.arm().expect("at 0 V");
+    bench.supervisor.disarm().expect("armed");
+    bench.ticks(500, live);
+    assert_eq!(bench.supervisor.state(), DriverState::Disarmed);
 }
 
 /// Voltage that is there when the supervisor starts is no discharge: the film has to be at 0 V for a second before it is armed.

@@ -1,7 +1,7 @@
 //! A host's conversation with a board: every command in the states of the link's table.
 
 use dea_driver::server::Session;
-use dea_driver::wire::{Answer, BAUD, Command, InjectedFault, Message, Mode, Reject, Request, VERSION};
+use dea_driver::wire::{Answer, BAUD, Command, InjectedFault, Message, Mode, Reject, Request, Status, VERSION};
 use dea_driver::{Cause, Device, DriverState, Inputs, Refusal, SCHEMA, SensorFault, Telemetry};
 
 use rand::{RngExt, SeedableRng};
@@ -13,6 +13,22 @@ use crate::host::{Host, blob};
 #[test]
 fn before_there_are_parameters_most_commands_are_rejected() {
     let mut host = Host::new(None);
+    let nothing = Status {
+        state: DriverState::Disarmed,
+        rate_hz: 0.0,
+        ticks: 0,
+        tripped_at: 0,
+        command_v: 0.0,
+        monitor_v: 0.0,
+        live: false,
+        damaged_frames: 0,
+        unknown_frames: 0,
+        stack_peak: 0,
+        lost_bytes: 0,
+        falls: 0,
+    };
+    let status = host.bench.device.status();
+    assert!(status.monitor_v.is_nan() && Status { monitor_v: 0.0, ..status } == nothing, "{status:?}");
     for command in [
         Command::Arm,
         Command::Start(Mode::Voltage),
@@ -181,6 +197,14 @@ fn another_host_cannot_start_or_move_what_it_did_not_arm() {
     host.token = next;
     host.done(Command::Start(Mode::Voltage));
     host.done(Command::Stop);
+    // Before a host has armed no token is that of one, whatever is enabled by other means; nor is any number of a request old.
+    for token in [0, 1] {
+        let mut host = Host::with_parameters();
+        (host.token, host.sequence) = (token, 1 << 20);
+        assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Refused(Refusal::State(DriverState::Disarmed)));
+        host.bench.device.arm().expect("healthy");
+        assert_eq!(host.ask(Command::Heartbeat), Answer::Rejected(Reject::Token), "{token}");
+    }
 }
 
 /// A frame of the host that armed is obeyed once, and not after a newer one: neither the same bytes again nor one from a buffer keep a voltage, or act
@@ -228,6 +252,14 @@ fn no_request_is_obeyed_late_or_twice() {
         // Stop and disarm are obeyed at any time.
         host.done(Command::Disarm);
     }
+    // 256 numbers ahead is the most.
+    let mut host = Host::with_parameters();
+    host.arm();
+    host.sequence += 255;
+    host.done(Command::Heartbeat);
+    let newest = host.sequence;
+    host.sequence += 256;
+    assert_eq!(host.ask(Command::Heartbeat), Answer::Stale { newest });
     // The same bytes for an hour: only the first keep it alive.
     let mut host = Host::with_parameters();
     host.arm();
@@ -249,8 +281,9 @@ fn a_background_that_hangs_is_noticed_by_the_tick() {
     let mut without = Device::new(None);
     let mut with = Host::with_parameters().bench.device;
     let rate_hz = with.controller().expect("installed").parameters().rate_hz;
+    with.background_is_running();
+    // The time begins with the device.
     for (device, rate_hz) in [(&mut without, 1000.0), (&mut with, rate_hz)] {
-        device.background_is_running();
         let bound = (0.5 * rate_hz) as u32;
         for _ in 0..bound {
             device.tick(inputs);
@@ -299,8 +332,11 @@ fn preflight_names_everything_that_is_in_the_way() {
     let ready = |self_test_s| Answer::Preflight { refusals: [].into_iter().collect(), self_test_s };
     assert_eq!(host.ask(Command::Preflight), ready(None));
     host.done(Command::SelfTested);
-    host.ticks(2500);
-    assert_eq!(host.ask(Command::Preflight), ready(Some(2)));
+    // Whole seconds at 1 kHz.
+    for (ticks, self_test_s) in [(999, 0), (1, 1), (1500, 2)] {
+        host.ticks(ticks);
+        assert_eq!(host.ask(Command::Preflight), ready(Some(self_test_s)));
+    }
 
     let bad = Inputs { interlock_closed: false, monitor_adc_v: Some(9.0), sensor_adc_v: None };
     (0..100).for_each(|_| host.bench.tick(bad));
@@ -321,8 +357,10 @@ fn preflight_names_everything_that_is_in_the_way() {
 #[test]
 fn the_status_counts_what_was_refused() {
     let mut host = Host::with_parameters();
-    // Broken stuffing three times, and twice a command that does not exist.
-    host.hear(&[9, 9, 0].repeat(3));
+    // Broken stuffing three times, which has no number, and twice a command that does not exist.
+    let answered = [9, 9, 0].into_iter().find_map(|byte| host.session.serve(byte, &mut host.bench));
+    assert!(matches!(answered, Some(Message::Answer { sequence: 0, answer: Answer::Rejected(_) })));
+    host.hear(&[9, 9, 0].repeat(2));
     host.hear(&frame(&(1u16, 0u16, 200u8)).repeat(2));
     let status = host.status();
     assert_eq!((status.damaged_frames, status.unknown_frames, status.stack_peak), (3, 2, 99));
@@ -348,6 +386,21 @@ fn no_token_is_0_or_the_one_before() {
     first.dedup();
     // A host that armed before a reset guesses it once in a thousand times at most.
     assert!(first.len() > 1000, "{} tokens", first.len());
+}
+
+/// Every third tick from the request on, none before it, and none after its end.
+#[test]
+fn records_are_those_of_every_nth_tick() {
+    let mut host = Host::with_parameters();
+    host.ticks(5);
+    assert_eq!(telemetry(&mut host).count(), 0);
+    host.done(Command::Stream { every: 3 });
+    let before = host.status().ticks;
+    host.ticks(7);
+    assert!(telemetry(&mut host).map(|record| record.tick - before).eq([3, 6]));
+    host.done(Command::Stream { every: 0 });
+    host.ticks(5);
+    assert_eq!(telemetry(&mut host).count(), 0);
 }
 
 /// Records that no host takes are counted, and the next one reports how many. The queue holds 16.

@@ -235,6 +235,13 @@ fn a_set_in_one_slot_is_the_first_or_lost_another() {
             assert_eq!(found(&mut store), ("new".to_owned(), false));
         }
     }
+    // A part of a set alone is one that was lost, in either slot.
+    let truncated = Some(BlobError::Truncated);
+    for (first, second, fault) in [(&erased, &erased, None), (&begun, &erased, truncated), (&erased, &begun, truncated)]
+    {
+        let found = store([first.clone(), second.clone()]).load().err();
+        assert_eq!(found, Some(StoreError::Empty(fault)));
+    }
     // The first save of this version writes both slots: one that is missing later was lost.
     let mut empty = store([erased.clone(), erased.clone()]);
     empty.save(&bytes_of(&named("first"))).expect("saved");
