@@ -419,3 +419,13 @@ fn shortened<const N: usize>(text: &str) -> String<N> {
     let _ = text.chars().try_for_each(|letter| short.push(letter));
     short
 }
+
+#[test]
+fn no_token_is_0_or_the_last_one_whatever_the_noise() {
+    for last in [0, 1, u16::MAX - 1, u16::MAX] {
+        for noise in 0..=u32::from(u16::MAX) {
+            let token = another_token(last, noise);
+            assert!(token != 0 && token != last);
+        }
+    }
+}

@@ -333,6 +333,28 @@ fn creep_from_before_a_reset_or_an_upload_counts_for_the_stroke() {
     }
 }
 
+/// The next controller knows where the last one's film may be: by the model of another law, or how much softer than that of the same law its sensor has
+/// shown it. No sensor is left then.
+#[test]
+fn an_upload_keeps_what_is_known_of_a_film() {
+    for (is_another_law, force_scale, loaded_v) in [(true, 1.0, 2200.0), (false, 1.25, 1900.0)] {
+        let mut film = Loaded::new();
+        film.bench.force_scale = force_scale;
+        film.run(500, 0.0, Sensor::Healthy);
+        film.run(60_000, loaded_v, Sensor::Healthy);
+        film.device.disarm().expect("it runs");
+        film.run(1000, 0.0, Sensor::Lost);
+        film.bench.parameters.law.instant *= if is_another_law { 1.001 } else { 1.0 };
+        film.upload();
+        film.run(2000, 0.0, Sensor::Lost);
+        let state = film.run(100_000, 2400.0, Sensor::Lost);
+        let furthest_m = film.bench.furthest_m;
+        println!("another law: {is_another_law}, {force_scale}: {state:?}, {furthest_m} m");
+        assert_eq!(state, DriverState::Tripped(Cause::ModelDisplacement));
+        assert!((0.8e-3..=1.01e-3).contains(&furthest_m), "another law: {is_another_law}: {furthest_m} m");
+    }
+}
+
 /// An upload of the same law keeps the model: a sensor that is frozen at rest showed a film without creep, and it went to 1.05 times its stroke.
 #[test]
 fn a_frozen_sensor_hides_no_creep_from_an_upload_of_the_same_law() {

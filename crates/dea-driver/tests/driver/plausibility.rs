@@ -165,7 +165,8 @@ fn a_frozen_sensor_is_not_so_in_the_next_run() {
     for ends in [Motion::begin_run, |motion: &mut Motion| {
         (0..BLOCK).for_each(|_| motion.record(0.0, 0.0, || 0.0, true, false));
     }] {
-        let mut motion = begun();
+        let mut motion = Motion::new(LIMITS);
+        (0..BLOCK).for_each(|_| motion.record(0.0, 0.0, || 0.0, true, false));
         assert!(freezes(&mut motion, |block| [if block < 5 { 0.0 } else { 1e-3 }; 2]));
         ends(&mut motion);
         assert!(!motion.is_frozen(true));

@@ -119,3 +119,36 @@ fn a_constant_that_changes_is_latched() {
         assert_eq!(checked(&mut bench), DriverState::Tripped(Cause::Memory), "part {part}");
     }
 }
+
+/// An estimate or a model that is not a number, as bits that flip make it, trips, and is at rest once that is acknowledged.
+#[test]
+fn a_film_that_is_not_a_number_trips_and_starts_again() {
+    use crate::control::Inputs;
+    use crate::{Blob, Cause, DriverState, Parameters};
+    use springpot::{Actuator, Law, LawOptions, Preset};
+
+    let law = Law::compressed(&Preset::TABLE3_N2.model().expect("valid"), LawOptions::at_step(1e-3)).expect("valid");
+    let blob = Blob::new(Parameters::bench(&law, Actuator::KARNER_2022)).expect("valid");
+    let flips: [fn(&mut Controller); 2] = [
+        |controller| controller.open_loop.move_origin(f32::NAN),
+        |controller| {
+            let mut film = controller.follower.compensator().observer().law().state();
+            film.move_origin(f32::NAN);
+            controller.course = controller.follower.state(film);
+        },
+    ];
+    for flip in flips {
+        let mut controller = Controller::from(&blob);
+        let tick = |controller: &mut Controller| {
+            let inputs = Inputs { interlock_closed: true, monitor_adc_v: Some(0.0), sensor_adc_v: Some(1.0) };
+            let telemetry = controller.tick(inputs).telemetry;
+            (controller.supervisor.state(), telemetry.predicted_m, controller.open_loop.position())
+        };
+        assert_eq!(tick(&mut controller).0, DriverState::Disarmed);
+        flip(&mut controller);
+        assert_eq!(tick(&mut controller).0, DriverState::Tripped(Cause::Law));
+        controller.acknowledge().expect("tripped");
+        let (state, predicted_m, model_m) = tick(&mut controller);
+        assert!(state == DriverState::Disarmed && predicted_m.is_finite() && model_m.is_finite());
+    }
+}
