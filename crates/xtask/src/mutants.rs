@@ -141,7 +141,7 @@ fn sources(source: String, files: &mut Vec<String>) -> Result<()> {
     entries(&path)?.iter().try_for_each(|path| sources(format!("{source}/{}", name(path)), files))
 }
 
-/// Lines with their places, without those that are comments, attributes or blank.
+/// Lines with their places, without those that are comments, attributes or blank, up to the tests of a source.
 fn code(text: &str) -> Vec<(usize, &str)> {
     let starts = text.split_inclusive('\n').scan(0, |start, line| {
         let at = *start;
@@ -149,7 +149,8 @@ fn code(text: &str) -> Vec<(usize, &str)> {
         Some((at, line))
     });
     let is_code = |line: &str| !(line.is_empty() || line.starts_with("//") || line.starts_with('#'));
-    starts.filter(|(_, line)| is_code(line.trim())).collect()
+    let before_tests = starts.take_while(|(_, line)| line.trim_end() != "#[test]");
+    before_tests.filter(|(_, line)| is_code(line.trim())).collect()
 }
 
 /// Words that begin what is no statement, or one that cannot be missing.
@@ -371,7 +372,8 @@ fn every_mutant_is_of_the_sources_as_they_are() {
 #[test]
 fn statements_and_constants_are_found() {
     let text = "fn f(&mut self) {\n    // a;\n    self.a = 0.5;\n    if b {\n        let c = 2;\n        d(&[c], true);\n    }\n    \
-                self\n        .e\n        .g(1e-3);\n    let h = h + 1;\n    self.x.0\n}\n";
+                self\n        .e\n        .g(1e-3);\n    let h = h + 1;\n    self.x.0\n}\n#[test]\nfn t() {\n    \
+                f(3);\n}\n";
     let found: Vec<&str> = statements(text).into_iter().map(|range| text[range].trim()).collect();
     let block = "if b {\n        let c = 2;\n        d(&[c], true);\n    }";
     assert_eq!(

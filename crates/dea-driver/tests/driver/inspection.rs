@@ -2,7 +2,7 @@
 
 use dea_driver::chips::{AdcCode, AdcRange, CommandRange, DacCode};
 use dea_driver::wire::{Answer, Command, Inspection, Mode, Part, Reject, TickCodes, Ticked};
-use dea_driver::{AdcError, AmplifierError, Blob, Cause, Controller, Device, DriverState, Inputs, Refusal};
+use dea_driver::{AdcError, AmplifierError, Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Refusal};
 
 use crate::board::{BOARD, inspection};
 use crate::host::{Host, blob};
@@ -56,6 +56,8 @@ fn an_enable_output_that_is_not_as_it_was_set_is_latched() {
     }
     // Without parameters nothing is enabled: the pin is low.
     let mut device = Device::new(None);
+    let inputs = Inputs { interlock_closed: true, monitor_adc_v: Some(0.0), sensor_adc_v: Some(1.0) };
+    (0..2).for_each(|_| assert_eq!(device.tick(inputs), Drive::OFF));
     device.report(inspection(true, false));
     assert_eq!(device.state(), DriverState::Disarmed);
     device.report(inspection(true, true));

@@ -160,7 +160,8 @@ fn limits_that_cannot_be_kept_are_refused() {
 /// Each bound of the limits belongs to what is allowed.
 #[test]
 fn limits_at_their_bounds_are_kept() {
-    let changes: [Change; 6] = [
+    let changes: [Change; 7] = [
+        |l| l.sensor.stuck_ticks = 5,
         |l| l.monitor.slew_v_per_s = 6500.0,
         // A quarter of the range of 9.9 mm.
         |l| l.sensor.jump = 2.4e-3,

@@ -43,7 +43,7 @@ fn arming_above_a_stated_voltage_needs_a_self_test() {
         assert_eq!(host.ask(Command::Preflight), Answer::Preflight { refusals, self_test_s: None });
         // The test itself may be armed, and moves no film.
         host.arm_by(Command::ArmForSelfTest);
-        assert_eq!(play(&mut host, 3000.0), Supervisor::SELF_TEST_V);
+        assert_eq!(play(&mut host, 3000.0), 500.0);
         assert_eq!(host.ask(Command::Arm), Answer::Refused(Refusal::SelfTest), "armed for a test is no test");
         host.done(Command::SelfTested);
         host.arm();
