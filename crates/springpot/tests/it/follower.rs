@@ -75,6 +75,13 @@ fn feedback_is_switched_between_ticks() {
     assert!(corrected.abs() < 1e-3, "{corrected}");
     state.set_feedback(false);
     state.forget_correction();
+    // Nothing of it returns while there is no sensor.
+    let mut unseen = state.clone();
+    for tick in 0..2000 {
+        let forgotten = (unseen.observer().disturbance(), unseen.observer().force_scale());
+        assert_eq!(forgotten, (0.0, 1.0), "tick {tick}");
+        follower.observe(&mut unseen, Applied::as_commanded(film.voltage_v), None);
+    }
     // The film of the model keeps where the sensor has taken it, so the error returns as slowly as the film forgets.
     let alone = held(&follower, &mut state, &mut film, 3000);
     assert!((0.02..0.1).contains(&alone), "{alone}");
