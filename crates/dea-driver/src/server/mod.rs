@@ -3,6 +3,8 @@
 mod board;
 mod device;
 mod flight_recorder;
+#[cfg(test)]
+mod flips;
 mod image;
 #[cfg(feature = "loop-test")]
 mod loop_test;
