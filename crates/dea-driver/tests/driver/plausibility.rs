@@ -123,7 +123,7 @@ fn a_model_that_swings_by_itself_shows_no_frozen_sensor() {
     }
 }
 
-/// Whether a sensor that stays at 0 counts as frozen within 30 blocks of the run that begins, beside a model and its drive, m, by the block.
+/// Begins a run of 30 blocks, and returns whether a sensor that stays at 0 counts as frozen in it, beside a model and its drive, m, by the block.
 fn freezes(motion: &mut Motion, beside_m: impl Fn(u32) -> [f32; 2]) -> bool {
     motion.begin_run();
     (0..30 * BLOCK).any(|tick| {
@@ -228,7 +228,7 @@ fn a_film_is_as_soft_as_plausible_values_show() {
     assert_eq!(motion.furthest(1e-3), known_m);
 }
 
-/// Where a film at 0 V is shows after a whole block. A block says nothing of the film with one value that is implausible or not a number, wherever it is.
+/// Where a film at 0 V is shows after a whole block. A block does not count with one value that is implausible or not a number, wherever it is.
 #[test]
 fn a_block_shows_a_film_as_a_whole() {
     let mut motion = Motion::new(LIMITS);
