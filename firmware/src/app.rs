@@ -107,7 +107,7 @@ mod tasks {
             bench.prepare(device.controller());
             let inputs = bench.sample();
             #[cfg(feature = "self-sensing")]
-            device.note_current(bench.current_adc_v());
+            device.note_current(bench.current_adc_v(device.rate_hz()));
             let drive = device.tick(inputs);
             if bench.apply(drive).is_err() {
                 device.trip(Cause::Bus);

@@ -26,6 +26,8 @@ mod background;
 #[path = "boards/stm32_h405.rs"]
 mod board;
 mod clock;
+#[cfg(feature = "self-sensing")]
+mod current;
 #[path = "f4/mod.rs"]
 mod family;
 #[path = "chip.rs"]

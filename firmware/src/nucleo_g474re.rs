@@ -11,6 +11,8 @@ mod background;
 #[path = "boards/nucleo_g474re.rs"]
 mod board;
 mod clock;
+#[cfg(feature = "self-sensing")]
+mod current;
 #[path = "g4/mod.rs"]
 mod family;
 #[path = "chip.rs"]

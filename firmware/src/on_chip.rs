@@ -8,7 +8,11 @@ use dea_driver::wire::{Inspection, Part};
 use dea_driver::{Controller, Inputs};
 
 use super::family::Rcc;
+#[cfg(feature = "self-sensing")]
+use super::family::adc3::Adc3;
 use super::family::converters::{Channel, DAC_PIN, FACTORY, FACTORY_CODES, FACTORY_V, Pair, REFERENCE, SENSORS, SLOW};
+#[cfg(feature = "self-sensing")]
+use crate::current::Current;
 use crate::pin::Pin;
 
 /// Codes of a converter.
@@ -178,6 +182,9 @@ pub struct Pins {
     pub interlock: Pin,
     /// Channels of monitor and sensor.
     pub channels: [u8; 2],
+    /// The channel of the current's monitor, at ADC3.
+    #[cfg(feature = "self-sensing")]
+    pub current: u8,
     /// The range of the supply, V.
     pub supply_v: [f32; 2],
 }
@@ -187,6 +194,8 @@ pub struct Bench {
     amplifier: Amplifier,
     adcs: Adcs,
     sample: Option<Sample>,
+    #[cfg(feature = "self-sensing")]
+    current: Current<Adc3>,
     interlock: Pin,
     found: Inspection,
 }
@@ -194,11 +203,13 @@ pub struct Bench {
 impl Bench {
     /// Brings the amplifier's command to 0 V.
     pub fn new(pins: Pins, _: &'static mut Option<AdcBus>, rcc: &mut Rcc) -> Self {
-        let Pins { enable, interlock, channels, supply_v } = pins;
+        let Pins { enable, interlock, channels, supply_v, .. } = pins;
         Self {
             amplifier: Amplifier::new(enable, rcc),
             adcs: Adcs::new(channels, supply_v, rcc),
             sample: None,
+            #[cfg(feature = "self-sensing")]
+            current: Current::new(Adc3::new(pins.current, rcc)),
             interlock: interlock.input_pulled_down(),
             found: Inspection::STARTING,
         }
@@ -229,6 +240,13 @@ impl Bench {
             sensor_adc_v: sensor.unwrap_or(f32::NAN),
         };
         Inputs { interlock_closed, monitor_adc_v: monitor.ok(), sensor_adc_v: sensor.ok() }
+    }
+
+    /// The mean current since the last tick, one of `rate_hz` (Hz), V at its pin: up to the moment in which the voltage monitor was read.
+    #[cfg(feature = "self-sensing")]
+    pub fn current_adc_v(&mut self, rate_hz: f32) -> Option<f32> {
+        let share = self.current.mean(rate_hz);
+        Some(share? * self.sample?.supply_v)
     }
 
     /// Applies the drive of a tick to the amplifier.

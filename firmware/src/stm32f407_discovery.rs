@@ -11,6 +11,8 @@ mod background;
 #[path = "boards/stm32f407_discovery.rs"]
 mod board;
 mod clock;
+#[cfg(feature = "self-sensing")]
+mod current;
 #[path = "f4/mod.rs"]
 mod family;
 #[path = "chip.rs"]

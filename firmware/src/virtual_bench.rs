@@ -139,7 +139,7 @@ impl Bench {
 
     /// The reading of the current monitor, as old as that of the voltage monitor, V.
     #[cfg(feature = "self-sensing")]
-    pub fn current_adc_v(&mut self) -> Option<f32> {
+    pub fn current_adc_v(&mut self, _: f32) -> Option<f32> {
         let [sampled, newest] = self.current;
         self.current[0] = newest;
         Some(AdcCode(sampled).volts(ADC))

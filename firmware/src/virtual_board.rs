@@ -12,6 +12,8 @@ mod bench;
 #[path = "boards/stm32_h405.rs"]
 mod board;
 mod clock;
+#[cfg(feature = "self-sensing")]
+mod current;
 #[path = "f4/mod.rs"]
 mod family;
 mod film;

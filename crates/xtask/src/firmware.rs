@@ -21,12 +21,19 @@ pub const BOARDS: [(Image, &str); 3] = [
     (Image { program: "stm32f407-discovery", what: "an STM32F4DISCOVERY", options: F4 }, "stm32f407-discovery"),
     (Image { program: "nucleo-g474re", what: "a NUCLEO-G474RE", options: G4 }, "nucleo-g474re"),
 ];
+const F4_SENSED: &str = "--no-default-features --features stm32f4,self-sensing";
+/// The same with a channel of the current.
+const SENSED: [Image; 3] = [
+    Image { program: "firmware", what: "an STM32-H405 with a current", options: F4_SENSED },
+    Image { program: "stm32f407-discovery", what: "an STM32F4DISCOVERY with a current", options: F4_SENSED },
+    Image {
+        program: "nucleo-g474re",
+        what: "a NUCLEO-G474RE with a current",
+        options: "--no-default-features --features stm32g4,self-sensing",
+    },
+];
 const QEMU: Image = Image { program: "qemu", what: "QEMU", options: "" };
-const VIRTUAL_BOARD: Image = Image {
-    program: "virtual-board",
-    what: "the virtual board",
-    options: "--no-default-features --features stm32f4,self-sensing",
-};
+const VIRTUAL_BOARD: Image = Image { program: "virtual-board", what: "the virtual board", options: F4_SENSED };
 
 /// Builds the image that runs in QEMU: what `springpot pil` starts.
 pub fn image(toolchain: &Toolchain) -> Result<()> {
@@ -40,7 +47,7 @@ pub fn virtual_board(toolchain: &Toolchain) -> Result<PathBuf> {
 
 /// The lints of all images.
 pub fn lint(toolchain: &Toolchain) -> Result<()> {
-    for image in BOARDS.iter().map(|(image, _)| image).chain([&QEMU, &VIRTUAL_BOARD]) {
+    for image in BOARDS.iter().map(|(image, _)| image).chain(&SENSED).chain([&QEMU, &VIRTUAL_BOARD]) {
         toolchain.lint(&folder(), TARGETS[0], &format!("--bin {} {}", image.program, image.options))?;
     }
     Ok(())
@@ -50,7 +57,8 @@ pub fn lint(toolchain: &Toolchain) -> Result<()> {
 pub fn images(toolchain: &Toolchain) -> Result<()> {
     build(toolchain, &QEMU)?;
     let virtual_board = build(toolchain, &VIRTUAL_BOARD)?;
-    for (board, _) in &BOARDS {
+    // Of the two images of a board, which have one name, that without a current is the one that stays.
+    for board in SENSED.iter().chain(BOARDS.iter().map(|(board, _)| board)) {
         no_virtual_bench_on_a_board(&build(toolchain, board)?, &virtual_board)?;
     }
     Ok(())

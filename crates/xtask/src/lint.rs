@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::packages::LIBRARIES;
 use crate::process::{Result, cargo, entries, format, read, root, run as run_command};
-use crate::programs::QEMU;
+use crate::programs::{QEMU, SENSED};
 use crate::setup::{OTHER_TARGETS, TARGETS, toolchain};
 use crate::{embedded, firmware, other_board, packages};
 
@@ -38,7 +38,7 @@ pub fn run() -> Result<()> {
     formats()?;
     // `--all-targets` would check each library a second time, as a benchmark.
     let targets = "--lib --bins --examples --tests --bench *";
-    run_command(cargo(&format!("clippy --quiet --workspace {targets} {QEMU} -- -D warnings")))?;
+    run_command(cargo(&format!("clippy --quiet --workspace {targets} {QEMU},{SENSED} -- -D warnings")))?;
     for library in LIBRARIES {
         let clippy = |features: &str| {
             run_command(cargo(&format!("clippy --quiet --package {library} {features} -- -D warnings")))

@@ -13,6 +13,9 @@ use crate::process::{Result, cargo, output, root};
 /// The tests that run the firmware's images.
 pub const QEMU: &str = "--features tests/qemu";
 
+/// With it the boards on the host have a channel of the current.
+pub const SENSED: &str = "board-on-host/self-sensing";
+
 /// Programs at a time, each of as many threads as there are cores: boards and emulators wait, and a program ends with one test.
 const BESIDE: usize = 2;
 

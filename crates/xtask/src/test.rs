@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use crate::embedded::Films;
 use crate::process::{Result, cargo, root, run as run_command};
-use crate::programs::{Cases, Programs, QEMU};
+use crate::programs::{Cases, Programs, QEMU, SENSED};
 use crate::{embedded, firmware, lint, setup};
 
 /// Stages of a run that have passed.
@@ -79,7 +79,8 @@ pub fn run() -> Result<()> {
     };
     let programs = stages.run_beside(("tools, images, and steps on chips", images), |stages| {
         stages.run("format", lint::formats)?;
-        stages.run("test builds", || Programs::built(&[QEMU, MICROMATH]))
+        let sensed = format!("{QEMU},{SENSED} --test hardware");
+        stages.run("test builds", || Programs::built(&[QEMU, MICROMATH, &sensed]))
     })?;
     let documentation = || run_command(cargo(&format!("test --quiet --workspace --doc {QEMU}")));
     stages.run_beside(("tests in documentation", documentation), |stages| {

@@ -28,6 +28,12 @@ pub const CYCLES_PER_TICK: f32 = 15_500.0;
 /// The green light is between pin and ground.
 pub const DARK: bool = false;
 
+/// Largest output of the current monitor, V: that of the voltage monitor. It is at PB1.
+#[cfg(feature = "self-sensing")]
+pub const CURRENT_V: f32 = CONVERTERS.monitor_v;
+#[cfg(feature = "self-sensing")]
+const CURRENT: u8 = 1;
+
 /// Monitor at PA0, sensor at PA1.
 const CHANNELS: [u8; 2] = [1, 2];
 
@@ -43,13 +49,25 @@ pub fn disable() {
 pub fn start(_: Parts, _: &mut Rcc) -> (Pin, serial::Pins, Pins) {
     RCC.ahb2enr().modify(|w| {
         w.set_gpioaen(true);
+        #[cfg(feature = "self-sensing")]
+        w.set_gpioben(true);
         w.set_gpiocen(true);
     });
     let enable = ENABLE.output(false);
     let light = pin('A', 5).output(DARK);
     [pin('A', 0), pin('A', 1), pin('A', 4)].into_iter().for_each(Pin::analog);
+    #[cfg(feature = "self-sensing")]
+    pin('B', 1).analog();
     let supply_v = Converters::STM32G4_SUPPLY_V;
-    (light, serial::Pins, Pins { enable, interlock: pin('C', 8), channels: CHANNELS, supply_v })
+    let pins = Pins {
+        enable,
+        interlock: pin('C', 8),
+        channels: CHANNELS,
+        #[cfg(feature = "self-sensing")]
+        current: CURRENT,
+        supply_v,
+    };
+    (light, serial::Pins, pins)
 }
 
 /// Refuses to inject a fault: this bench is real.

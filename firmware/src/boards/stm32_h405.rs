@@ -13,8 +13,12 @@ use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Rcc;
 use stm32f4xx_hal::spi::Spi;
 
+#[cfg(feature = "self-sensing")]
+use super::family::adc3::Adc3;
 use super::family::parts::Parts;
 use super::family::{pin, serial};
+#[cfg(feature = "self-sensing")]
+use crate::current::Current;
 use crate::pin::Pin;
 
 /// Its number.
@@ -32,8 +36,8 @@ pub const CONVERTERS: Converters = Converters {
 
 /// Cycles from tick to tick at the least: on the internal oscillator, at 16 MHz, the fastest is slower. There the controller takes some
 /// 3 200 cycles and the 112 bits to and from the converters 450, at 168 MHz 3 600; the tick that enables reads back and takes 400 bits. A tick may wait for
-/// a part of the check of the memory, some 4 000.
-pub const CYCLES_PER_TICK: f32 = 9600.0;
+/// a part of the check of the memory, some 4 000. The current takes 900 more.
+pub const CYCLES_PER_TICK: f32 = 9600.0 + if cfg!(feature = "self-sensing") { 900.0 } else { 0.0 };
 
 /// The light is between supply and pin.
 pub const DARK: bool = true;
@@ -44,6 +48,15 @@ const BUS_HZ: u32 = 5_250_000;
 
 /// The reference of the DAC: [`Reference::Internal`] for an AD5754R without another one at its pin.
 const DAC_REFERENCE: Reference = Reference::External;
+
+/// The supply of the chip, nominally, which is the reference of its ADC3, and the largest output of the current monitor, V.
+#[cfg(feature = "self-sensing")]
+const SUPPLY_V: f32 = 3.3;
+#[cfg(feature = "self-sensing")]
+pub const CURRENT_V: f32 = SUPPLY_V * (4095.0 / 4096.0);
+/// The channel of the current monitor, PC1.
+#[cfg(feature = "self-sensing")]
+const CURRENT: u8 = 11;
 
 /// The bus that both ADCs share.
 pub type AdcBus = AtomicCell<Spi<SPI1>>;
@@ -73,6 +86,8 @@ pub fn start(parts: Parts, rcc: &mut Rcc) -> (Pin, serial::Pins, Pins) {
     let enable = port_c.pc6.into_push_pull_output_in_state(PinState::Low);
     let light = pin('C', 12).output(DARK);
     let port_a = parts.gpioa.split(rcc);
+    #[cfg(feature = "self-sensing")]
+    pin('C', 1).analog();
     let adc = (port_a.pa5, port_a.pa6, port_a.pa7);
     let port_b = parts.gpiob.split(rcc);
     let pins = Pins { enable, interlock: port_c.pc7, adc, port_b, spi1: parts.spi1, spi2: parts.spi2 };
@@ -89,6 +104,11 @@ pub struct Bench {
     amplifier: Option<Amplifier<Dac, PC6<Output>>>,
     monitor: Option<Adc<PB0<Output>>>,
     displacement: Option<Adc<PB1<Output>>>,
+    #[cfg(feature = "self-sensing")]
+    current: Current<Adc3>,
+    /// The current of the tick before, V.
+    #[cfg(feature = "self-sensing")]
+    current_v: Option<f32>,
     interlock: PC7<Input>,
     found: Inspection,
 }
@@ -125,6 +145,10 @@ impl Bench {
             amplifier,
             monitor: monitor.map(|bus| Ads868x::new(bus, AdcRange::UpTo10V24)),
             displacement: displacement.map(|bus| Ads868x::new(bus, AdcRange::UpTo10V24)),
+            #[cfg(feature = "self-sensing")]
+            current: Current::new(Adc3::new(CURRENT, rcc)),
+            #[cfg(feature = "self-sensing")]
+            current_v: None,
             interlock: interlock.into_pull_down_input(),
             found: Inspection::STARTING,
         }
@@ -153,6 +177,14 @@ impl Bench {
             sensor_adc_v: sensor.unwrap_or(f32::NAN),
         };
         Inputs { interlock_closed, monitor_adc_v: monitor.ok(), sensor_adc_v: sensor.ok() }
+    }
+
+    /// The mean current of the tick before the last, one of `rate_hz` (Hz), V at its pin: up to the moment of the reading of the voltage monitor, which
+    /// is from there as well.
+    #[cfg(feature = "self-sensing")]
+    pub fn current_adc_v(&mut self, rate_hz: f32) -> Option<f32> {
+        let newest_v = self.current.mean(rate_hz).map(|share| share * SUPPLY_V);
+        core::mem::replace(&mut self.current_v, newest_v)
     }
 
     /// Applies the drive of a tick to the amplifier.

@@ -32,6 +32,12 @@ pub const CYCLES_PER_TICK: f32 = 15_500.0;
 /// The green light is between pin and ground.
 pub const DARK: bool = false;
 
+/// Largest output of the current monitor, V: that of the voltage monitor. It is at PC1.
+#[cfg(feature = "self-sensing")]
+pub const CURRENT_V: f32 = CONVERTERS.monitor_v;
+#[cfg(feature = "self-sensing")]
+const CURRENT: u8 = 11;
+
 /// Monitor at PB0, sensor at PB1.
 const CHANNELS: [u8; 2] = [8, 9];
 
@@ -55,8 +61,18 @@ pub fn start(parts: Parts, rcc: &mut Rcc) -> (Pin, serial::Pins, Pins) {
     let port_a = parts.gpioa.split(rcc);
     parts.gpiob.split(rcc);
     [pin('A', 5), pin('B', 0), pin('B', 1)].into_iter().for_each(Pin::analog);
+    #[cfg(feature = "self-sensing")]
+    pin('C', 1).analog();
     let supply_v = Converters::STM32F4_SUPPLY_V;
-    (light, (port_a.pa2, port_a.pa3), Pins { enable, interlock: pin('C', 8), channels: CHANNELS, supply_v })
+    let pins = Pins {
+        enable,
+        interlock: pin('C', 8),
+        channels: CHANNELS,
+        #[cfg(feature = "self-sensing")]
+        current: CURRENT,
+        supply_v,
+    };
+    (light, (port_a.pa2, port_a.pa3), pins)
 }
 
 /// Refuses to inject a fault: this bench is real.

@@ -43,18 +43,24 @@ pub struct Pair {
     ratio: u32,
 }
 
+/// The divider of the ADCs' clock, as its bits, and cycles of the core in a cycle of the ADCs.
+pub fn clock(rcc: &Rcc) -> (u32, u32) {
+    let (core_hz, bus_hz) = (rcc.clocks.hclk().raw(), rcc.clocks.pclk2().raw());
+    let divider = (0..4).find(|&divider| bus_hz / (2 * (divider + 1)) <= ADC_HZ).unwrap_or(3);
+    (divider, 2 * (divider + 1) * (core_hz / bus_hz))
+}
+
 impl Pair {
     /// `channels`: those of monitor and sensor, 0 to 9, whose pins are analog. To be called once.
     pub fn new(channels: [u8; 2], rcc: &mut Rcc) -> Self {
         ADC1::enable(rcc);
         ADC2::enable(rcc);
         ADC1::reset(rcc);
-        let (core_hz, bus_hz) = (rcc.clocks.hclk().raw(), rcc.clocks.pclk2().raw());
-        let divider = (0..4).find(|&divider| bus_hz / (2 * (divider + 1)) <= ADC_HZ).unwrap_or(3);
+        let (divider, ratio) = clock(rcc);
         // With the reference's switch.
         let control = 1 << 23 | divider << 16;
         // 20 µs: the ADCs take 3, the reference 10.
-        let (start_cycles, ratio) = (core_hz / 50_000, 2 * (divider + 1) * (core_hz / bus_hz));
+        let start_cycles = rcc.clocks.hclk().raw() / 50_000;
         // SAFETY: they are the caller's.
         let (adc1, adc2, common) = unsafe { (ADC1::steal(), ADC2::steal(), ADC_COMMON::steal()) };
         Self { adc1, adc2, common, channels, control, start_cycles, ratio }

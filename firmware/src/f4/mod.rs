@@ -1,5 +1,7 @@
 //! The STM32F405 and STM32F407: clocks, converters, flash, resets and serial port beneath the application.
 
+#[cfg(feature = "self-sensing")]
+pub mod adc3;
 #[allow(dead_code)] // not every board has its converters on the chip
 pub mod converters;
 pub mod flash;

@@ -30,11 +30,11 @@ pub const FACTORY: *const u16 = 0x1fff_75aa as *const u16;
 pub const FACTORY_V: f32 = 3.0;
 pub const FACTORY_CODES: RangeInclusive<u16> = 1614..=1682;
 /// An ADC with its regulator, and one that is on.
-const READY: u32 = 1 << 28;
-const ON: u32 = READY | 1;
+pub const READY: u32 = 1 << 28;
+pub const ON: u32 = READY | 1;
 /// Calibrates; starts.
 const ADCAL: u32 = 1 << 31;
-const ADSTART: u32 = 1 << 2;
+pub const ADSTART: u32 = 1 << 2;
 /// Twelve bits, by software, the last conversion counts.
 const CFGR: u32 = 1 << 31 | 1 << 12;
 /// The DAC's channel 1, without its buffer, to its pin.
@@ -57,11 +57,27 @@ pub struct Pair {
     ratio: u32,
 }
 
+/// The mode of the ADCs' clock, as its bits, and cycles of the core in a cycle of the ADCs.
+pub fn clock(rcc: &Rcc) -> (u32, u32) {
+    if rcc.core_hz / 2 <= ADC_HZ { (2, 2) } else { (3, 4) }
+}
+
+/// Calibrates an ADC, whose regulator is on, and switches it on.
+pub fn switch_on(adc: Adc, ratio: u32) {
+    adc.cr().write_value(AdcCr(READY | ADCAL));
+    // 116 cycles.
+    (0..PATIENCE).any(|_| adc.cr().read().0 & ADCAL == 0);
+    // Four cycles until it can be switched on.
+    asm::delay(8 * ratio);
+    adc.cr().write_value(AdcCr(ON));
+    (0..PATIENCE).any(|_| adc.isr().read().adrdy());
+}
+
 impl Pair {
     /// `channels`: those of monitor and sensor, 1 to 9, whose pins are analog. To be called once.
     pub fn new(channels: [u8; 2], rcc: &mut Rcc) -> Self {
         RCC.ahb2enr().modify(|w| w.set_adc12en(true));
-        let (mode, ratio) = if rcc.core_hz / 2 <= ADC_HZ { (2, 2) } else { (3, 4) };
+        let (mode, ratio) = clock(rcc);
         // With the reference's switch. 20 µs: the regulators and the reference take that at the most.
         Self { channels, control: 1 << 22 | mode << 16, start_cycles: rcc.core_hz / 50_000, ratio }
     }
@@ -78,13 +94,7 @@ impl Pair {
         }
         asm::delay(self.start_cycles);
         for adc in BOTH {
-            adc.cr().write_value(AdcCr(READY | ADCAL));
-            // 116 cycles.
-            (0..PATIENCE).any(|_| adc.cr().read().0 & ADCAL == 0);
-            // Four cycles until it can be switched on.
-            asm::delay(8 * self.ratio);
-            adc.cr().write_value(AdcCr(ON));
-            (0..PATIENCE).any(|_| adc.isr().read().adrdy());
+            switch_on(adc, self.ratio);
             adc.cfgr().write(|w| w.0 = CFGR);
             let [below_10, others] = self.sampling();
             adc.smpr().write(|w| w.0 = below_10);

@@ -1,5 +1,7 @@
 //! The STM32G474: clocks, converters, flash, resets and serial port beneath the application.
 
+#[cfg(feature = "self-sensing")]
+pub mod adc3;
 pub mod converters;
 pub mod flash;
 pub mod reset;

@@ -17,6 +17,11 @@ pub mod panic;
 mod trap;
 pub mod wires;
 
+#[path = "../../../firmware/src/current.rs"]
+pub mod current;
+#[cfg(feature = "self-sensing")]
+#[path = "../../../firmware/src/film.rs"]
+pub mod film;
 #[path = "../../../firmware/src/pin.rs"]
 pub mod pin;
 #[path = "../../../firmware/src/watchdog.rs"]

@@ -189,11 +189,13 @@ impl Converters {
     /// refuses parameters that need a missing one.
     #[must_use]
     pub const fn of_board(id: u16) -> Self {
-        match id {
+        let converters = match id {
             boards::STM32F407_DISCOVERY => Self::STM32F4_ON_CHIP,
             boards::NUCLEO_G474RE => Self::STM32G4_ON_CHIP,
-            _ => Self { current_v: Some(AdcRange::UpTo10V24.max_v()), ..Self::AD5754_ADS868X },
-        }
+            _ => Self::AD5754_ADS868X,
+        };
+        // On the chip by one of its ADCs as well; otherwise the most that a board of that number has, which is the virtual one.
+        Self { current_v: Some(converters.monitor_v), ..converters }
     }
 
     /// An AD5754 on the range of the parameters and two ADS868x on 0 to 10.24 V, without ceilings.

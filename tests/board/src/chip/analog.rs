@@ -28,6 +28,9 @@ pub fn factory_word(family: Family) -> u32 {
     }
 }
 
+/// A voltage by the time since power-up, ns.
+pub type Course = Box<dyn Fn(u64) -> f64>;
+
 /// Supply, references and voltages around the converters.
 pub struct Surroundings {
     /// The analog supply, which is the reference of all converters, V.
@@ -38,6 +41,8 @@ pub struct Surroundings {
     pub factory: u32,
     /// Voltages at pins, from outside.
     pub volts: Vec<(Pin, f64)>,
+    /// The voltage at a pin that varies with time.
+    pub course: Option<(Pin, Course)>,
     /// A pin of the DAC is shorted to this voltage.
     pub shorted: Option<(Pin, f64)>,
     /// Largest noise of a conversion, codes.
@@ -52,7 +57,8 @@ impl Surroundings {
             Family::F4 => (3.0, 1502),
             Family::G4 => (3.3, 1652),
         };
-        Self { supply_v, reference_v: REFERENCE_V, factory, volts: Vec::new(), shorted: None, noise: 0, seed: 1 }
+        let (reference_v, volts) = (REFERENCE_V, Vec::new());
+        Self { supply_v, reference_v, factory, volts, course: None, shorted: None, noise: 0, seed: 1 }
     }
 
     pub fn factory_word(&self) -> u32 {
@@ -147,6 +153,8 @@ pub struct Adc {
     /// The channel that it converts, and when that ends; when the last one ended.
     converts: Option<(u32, Picoseconds)>,
     last: Picoseconds,
+    /// Whether the last transfer of the DMA was the last that it asks for.
+    is_done: bool,
     /// It never ends a conversion, or always with this code.
     pub is_dead: bool,
     pub always: Option<u32>,
@@ -162,6 +170,7 @@ mod f4 {
     pub const EOC: u32 = 1 << 1;
     pub const STRT: u32 = 1 << 4;
     pub const ADON: u32 = 1 << 0;
+    pub const CONT: u32 = 1 << 1;
     pub const SWSTART: u32 = 1 << 30;
 }
 
@@ -169,6 +178,8 @@ mod f4 {
 mod g4 {
     pub const ISR: u32 = 0x00;
     pub const CR: u32 = 0x08;
+    pub const CFGR: u32 = 0x0c;
+    pub const CONT: u32 = 1 << 13;
     pub const SMPR: [u32; 2] = [0x14, 0x18];
     pub const SQR: u32 = 0x30;
     pub const DR: u32 = 0x40;
@@ -199,8 +210,21 @@ impl Adc {
             }
         });
         let (on, regulated, calibrates, converts, always) = (None, None, None, None, None);
-        let (is_calibrated, is_dead) = (false, false);
-        Self { family, registers, number, on, regulated, calibrates, is_calibrated, converts, last: 0, is_dead, always }
+        let (is_calibrated, is_done, is_dead, last) = (false, false, false, 0);
+        Self {
+            family,
+            registers,
+            number,
+            on,
+            regulated,
+            calibrates,
+            is_calibrated,
+            converts,
+            last,
+            is_done,
+            is_dead,
+            always,
+        }
     }
 
     /// The channel to convert, and half cycles of sampling and conversion.
@@ -250,18 +274,50 @@ impl Adc {
         }
     }
 
-    /// The channel whose conversion has ended by `now`, once.
-    pub fn ended(&mut self, now: Picoseconds) -> Option<u32> {
-        let (channel, _) = self.converts.filter(|&(_, end)| now >= end && !self.is_dead)?;
-        self.converts = None;
-        if self.family == Family::G4 {
+    /// The channel whose conversion has ended by `now`, once, and when. The next one begins there if it converts all the time.
+    pub fn ended(&mut self, now: Picoseconds, clock_hz: u32) -> Option<(u32, Picoseconds)> {
+        let (channel, end) = self.converts.filter(|&(_, end)| now >= end && !self.is_dead)?;
+        let goes_on = match self.family {
+            Family::F4 => self.registers[f4::CR2] & f4::CONT != 0,
+            Family::G4 => self.registers[g4::CFGR] & g4::CONT != 0,
+        };
+        let (next, sampling, rest) = self.next();
+        let takes = (sampling + rest) * SECOND / (2 * u64::from(clock_hz.max(1)));
+        self.converts = goes_on.then_some((next, end + takes));
+        if self.family == Family::G4 && !goes_on {
             self.registers[g4::CR] &= !g4::ADSTART;
         }
-        Some(channel)
+        Some((channel, end))
+    }
+
+    /// Register and flags of its status: a code is there, one was lost; register of the DMA's bits, and these: on, beyond the last transfer.
+    fn by_dma(&self) -> (u32, [u32; 2], u32, [u32; 2]) {
+        match self.family {
+            Family::F4 => (f4::SR, [f4::EOC, 1 << 5], f4::CR2, [1 << 8, 1 << 9]),
+            Family::G4 => (g4::ISR, [g4::EOC, 1 << 4], g4::CFGR, [1 << 0, 1 << 1]),
+        }
+    }
+
+    /// The code that it asks the DMA to take: none before a lost one is cleared.
+    pub fn request(&self) -> Option<u32> {
+        let (status, [_, lost], control, [on, _]) = self.by_dma();
+        let asks = self.registers[control] & on != 0 && self.registers[status] & lost == 0 && !self.is_done;
+        asks.then_some(self.registers[if self.family == Family::F4 { f4::DR } else { g4::DR }])
+    }
+
+    /// The DMA has taken it, as the last one of its round or not.
+    pub fn taken(&mut self, is_last: bool) {
+        let (status, [there, _], control, [_, beyond]) = self.by_dma();
+        self.registers[status] &= !there;
+        self.is_done = is_last && self.registers[control] & beyond == 0;
     }
 
     pub fn convert(&mut self, volts: f64, around: &mut Surroundings, now: Picoseconds) {
         let code = self.always.unwrap_or_else(|| around.code(volts));
+        let (status, [there, lost], control, [on, _]) = self.by_dma();
+        if self.registers[control] & on != 0 && self.registers[status] & there != 0 {
+            self.registers[status] |= lost;
+        }
         let is_late = now - std::mem::replace(&mut self.last, now) > LATE;
         match self.family {
             Family::F4 => {
@@ -283,7 +339,7 @@ impl Adc {
             f4::DR => {}
             f4::CR2 => {
                 let before = self.registers[f4::CR2];
-                self.registers[f4::CR2] = value;
+                (self.registers[f4::CR2], self.is_done) = (value, false);
                 if value & f4::ADON == 0 {
                     (self.on, self.converts) = (None, None);
                 } else if before & f4::ADON == 0 {
@@ -399,13 +455,15 @@ impl Peripheral for Common {
     }
 }
 
-/// The pin of a channel of an ADC, 1 or 2: data sheets, pin definitions.
+/// The pin of a channel of an ADC: data sheets, pin definitions.
 pub fn pin_of(family: Family, adc: u8, channel: u32) -> Option<Pin> {
     let channel = channel as u8;
     match (family, adc, channel) {
+        (Family::F4, 3, 4..=9 | 14..) => None,
         (Family::F4, _, 0..=7) => Some(Pin::new('A', channel)),
         (Family::F4, _, 8 | 9) => Some(Pin::new('B', channel - 8)),
         (Family::F4, _, 10..=15) => Some(Pin::new('C', channel - 10)),
+        (Family::G4, 3, _) => (channel == 1).then_some(Pin::new('B', 1)),
         (Family::G4, _, 1 | 2) => Some(Pin::new('A', channel - 1)),
         (Family::G4, 2, 17) => Some(Pin::new('A', 4)),
         (Family::G4, 2, 13) => Some(Pin::new('A', 5)),

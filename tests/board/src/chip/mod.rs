@@ -5,6 +5,7 @@
 
 pub mod analog;
 pub mod clocks;
+mod dma;
 pub mod family;
 pub mod flash;
 pub mod gpio;
@@ -24,6 +25,7 @@ pub mod watchdog;
 use crate::wires::{Watch, Wired};
 use analog::{Adc, Common, Dac, Surroundings};
 use clocks::Clocks;
+use dma::Dma;
 use family::Family;
 use flash::Flash;
 use gpio::{Mode, PINS, Pin, Port};
@@ -56,6 +58,10 @@ pub enum Block {
     /// 1 to 3, and what they share.
     Adc(u8),
     AdcCommon,
+    /// The same of ADC3 of an STM32G4.
+    Adc3Common,
+    Dma,
+    Dmamux,
     Power,
     Rcc,
     Flash,
@@ -83,6 +89,8 @@ impl Block {
     /// The block at an address of an STM32G4, and its first address.
     fn at_g4(address: u32) -> Option<(Self, u32)> {
         Some(match address {
+            0x4002_0000..0x4002_0400 => (Self::Dma, 0x4002_0000),
+            0x4002_0800..0x4002_0c00 => (Self::Dmamux, 0x4002_0800),
             0x4002_1000..0x4002_1400 => (Self::Rcc, 0x4002_1000),
             0x4002_2000..0x4002_2400 => (Self::Flash, 0x4002_2000),
             0x4800_0000..0x4800_1c00 => {
@@ -92,6 +100,8 @@ impl Block {
             0x5000_0000..0x5000_0100 => (Self::Adc(1), 0x5000_0000),
             0x5000_0100..0x5000_0200 => (Self::Adc(2), 0x5000_0100),
             0x5000_0300..0x5000_0400 => (Self::AdcCommon, 0x5000_0300),
+            0x5000_0400..0x5000_0500 => (Self::Adc(3), 0x5000_0400),
+            0x5000_0700..0x5000_0800 => (Self::Adc3Common, 0x5000_0700),
             0x5000_0800..0x5000_0c00 => (Self::Dac, 0x5000_0800),
             _ => return None,
         })
@@ -113,6 +123,7 @@ impl Block {
                 (Self::Port(port), 0x4002_0000 + (u32::from(port) << 10))
             }
             0x4002_3800..0x4002_3c00 => (Self::Rcc, 0x4002_3800),
+            0x4002_6400..0x4002_6800 => (Self::Dma, 0x4002_6400),
             0x4002_3c00..0x4002_4000 => (Self::Flash, 0x4002_3c00),
             _ => return None,
         })
@@ -137,7 +148,12 @@ impl Block {
             (Self::Adc(number), Family::F4) => Gate { reset_bit: 8, ..apb2(7 + u32::from(number)) },
             (Self::AdcCommon, Family::F4) => apb2(8),
             (Self::Dac, Family::G4) => ahb(16),
+            (Self::Adc(3) | Self::Adc3Common, _) => ahb(14),
             (Self::Adc(_) | Self::AdcCommon, Family::G4) => ahb(13),
+            (Self::Dma, Family::F4) => ahb(22),
+            // AHB1.
+            (Self::Dma, Family::G4) => Gate { enable: 0x48, reset: 0x28, bit: 0, reset_bit: 0 },
+            (Self::Dmamux, _) => Gate { enable: 0x48, reset: 0x28, bit: 2, reset_bit: 2 },
             (Self::Rcc | Self::Flash | Self::Watchdog, _) => return None,
         })
     }
@@ -146,8 +162,8 @@ impl Block {
     fn bus_hz(self, clocks: &Clocks) -> u32 {
         match self {
             Self::Watchdog | Self::Tim5 | Self::Spi(2) | Self::Usart2 | Self::Dac | Self::Power => clocks.pclk1_hz,
-            Self::Spi(_) | Self::Adc(_) | Self::AdcCommon => clocks.pclk2_hz,
-            Self::Rcc | Self::Flash | Self::Port(_) => clocks.hclk_hz,
+            Self::Spi(_) | Self::Adc(_) | Self::AdcCommon | Self::Adc3Common => clocks.pclk2_hz,
+            Self::Dma | Self::Dmamux | Self::Rcc | Self::Flash | Self::Port(_) => clocks.hclk_hz,
         }
     }
 }
@@ -166,7 +182,8 @@ pub struct Chip {
     pub usart2: Usart,
     pub dac: Dac,
     pub adcs: [Adc; 3],
-    common: Common,
+    commons: [Common; 2],
+    dma: Dma,
     pub around: Surroundings,
     wired: Vec<Wired>,
     watches: Vec<Watch>,
@@ -195,7 +212,8 @@ impl Chip {
             usart2: Usart::new(family),
             dac: Dac::new(family),
             adcs: [1, 2, 3].map(|number| Adc::new(family, number)),
-            common: Common::new(family),
+            commons: [(); 2].map(|()| Common::new(family)),
+            dma: Dma::new(family),
             around: Surroundings::new(family),
             wired: Vec::new(),
             watches: Vec::new(),
@@ -264,8 +282,8 @@ impl Chip {
     /// Blocks that the clock control can reset.
     fn blocks(&self) -> impl Iterator<Item = Block> + use<> {
         let ports = (0..PORTS as u8).map(Block::Port);
-        let converters = [Block::Dac, Block::Adc(1), Block::Adc(2), Block::Adc(3), Block::AdcCommon];
-        [Block::Tim5, Block::Spi(1), Block::Spi(2), Block::Usart2, Block::Power]
+        let converters = [Block::Dac, Block::Adc(1), Block::Adc(2), Block::Adc(3), Block::AdcCommon, Block::Adc3Common];
+        [Block::Dma, Block::Dmamux, Block::Tim5, Block::Spi(1), Block::Spi(2), Block::Usart2, Block::Power]
             .into_iter()
             .chain(converters)
             .chain(ports)
@@ -352,7 +370,10 @@ impl Chip {
             Block::Watchdog => &mut self.watchdog,
             Block::Dac => &mut self.dac,
             Block::Adc(number) => &mut self.adcs[usize::from(number) - 1],
-            Block::AdcCommon => &mut self.common,
+            Block::AdcCommon => &mut self.commons[0],
+            Block::Adc3Common => &mut self.commons[1],
+            Block::Dma => &mut self.dma,
+            Block::Dmamux => &mut self.dma.mux,
             Block::Power => &mut self.power,
             Block::Rcc => &mut self.rcc,
             Block::Flash if self.family == Family::G4 => &mut self.flash_g4,
@@ -377,34 +398,44 @@ impl Chip {
         for number in [1, 2] {
             self.advance_spi(number, Block::Spi(number).bus_hz(&clocks));
         }
-        self.advance_adcs(self.common.clock_hz(Block::AdcCommon.bus_hz(&clocks)));
+        for index in 0..self.adcs.len() {
+            self.advance_adc(index, Block::AdcCommon.bus_hz(&clocks));
+        }
     }
 
-    fn advance_adcs(&mut self, clock_hz: u32) {
-        for index in 0..self.adcs.len() {
-            let (now, reference_is_on) = (self.now, self.common.reference_is_on());
-            if let Some(violation) = self.adcs[index].begin(now, clock_hz, reference_is_on) {
-                self.note(violation);
+    /// Begins and ends conversions of an ADC up to the present.
+    fn advance_adc(&mut self, index: usize, bus_hz: u32) {
+        let common = &self.commons[usize::from(self.family == Family::G4 && index == 2)];
+        let (now, clock_hz, reference_is_on) = (self.now, common.clock_hz(bus_hz), common.reference_is_on());
+        if let Some(violation) = self.adcs[index].begin(now, clock_hz, reference_is_on) {
+            self.note(violation);
+        }
+        while let Some((channel, end)) = self.adcs[index].ended(now, clock_hz) {
+            if clock_hz > self.family.layout().adcs {
+                self.note(Violation::ConverterClock { hz: clock_hz });
             }
-            if let Some(channel) = self.adcs[index].ended(now) {
-                if clock_hz > self.family.layout().adcs {
-                    self.note(Violation::ConverterClock { hz: clock_hz });
-                }
-                let volts = self.channel_volts(index as u8 + 1, channel);
-                self.adcs[index].convert(volts, &mut self.around, now);
+            let volts = self.channel_volts(index as u8 + 1, channel, end);
+            self.adcs[index].convert(volts, &mut self.around, end);
+            // The DMA is that of ADC3.
+            let code = self.adcs[index].request().filter(|_| index == 2 && self.rcc.enables(Block::Dma));
+            match code.and_then(|code| self.dma.take(code)) {
+                Some(Ok(is_last)) => self.adcs[index].taken(is_last),
+                Some(Err(violation)) => self.note(violation),
+                None => {}
             }
         }
     }
 
     /// The voltage at a channel of the ADCs.
-    fn channel_volts(&mut self, adc: u8, channel: u32) -> f64 {
+    fn channel_volts(&mut self, adc: u8, channel: u32, at: Picoseconds) -> f64 {
         let Some(pin) = analog::pin_of(self.family, adc, channel) else {
             return if channel == analog::reference(self.family) { self.around.reference_v } else { 0.0 };
         };
         if self.pad(pin).mode != Mode::Analog {
             self.note(Violation::NotAnalog { pin });
         }
-        self.volts(pin)
+        let course = self.around.course.as_ref().filter(|(other, _)| *other == pin);
+        course.map_or_else(|| self.volts(pin), |(_, course)| course(at / NANOSECOND))
     }
 
     /// The voltage at a pin: that of the DAC, or from outside; 0 V by a resistor where nothing drives it.

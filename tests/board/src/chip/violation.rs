@@ -35,6 +35,10 @@ pub enum Violation {
     ConversionNotReady { adc: u8 },
     /// The chip's own reference was converted by an ADC that does not have it, without its switch, or sampled for too short a time.
     ReferenceNotSampled { adc: u8 },
+    /// The DMA has no half words of the ADC to put into the firmware's ring: address, sizes or directions are others.
+    DmaTarget { address: u32 },
+    /// A stream was set while it was on, or switched on with the flag of its last round. It has not changed.
+    DmaSetWhileOn,
     /// A pin was converted that is not analog.
     NotAnalog { pin: Pin },
     /// A setting of the watchdog was written that is closed, or that still takes over what came before. It has not changed.

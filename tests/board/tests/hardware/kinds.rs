@@ -25,6 +25,8 @@ pub trait Ticks {
     fn sample(&mut self) -> Inputs;
     fn apply(&mut self, drive: Drive) -> Result<(), AmplifierError>;
     fn inspection(&self) -> Inspection;
+    #[cfg(feature = "self-sensing")]
+    fn current_adc_v(&mut self, rate_hz: f32) -> Option<f32>;
 }
 
 macro_rules! ticks {
@@ -41,6 +43,11 @@ macro_rules! ticks {
             fn inspection(&self) -> Inspection {
                 self.inspection()
             }
+
+            #[cfg(feature = "self-sensing")]
+            fn current_adc_v(&mut self, rate_hz: f32) -> Option<f32> {
+                self.current_adc_v(rate_hz)
+            }
         }
     )*};
 }
@@ -56,6 +63,10 @@ pub trait Kind: Sized {
     const CONVERTERS: Converters;
     const ENABLE: Pin;
     const INTERLOCK: Pin;
+    /// The monitor of the current, with the feature, and its largest output, V.
+    const CURRENT: Pin = Pin::new('C', 1);
+    #[cfg(feature = "self-sensing")]
+    const CURRENT_V: f32;
     /// A command in the middle of the range.
     const ON: Drive;
     const OFF: Drive = Drive { enable: false, dac_v: 0.0, ..Self::ON };
@@ -86,6 +97,8 @@ pub trait Kind: Sized {
 pub fn tick<B: Ticks>(board: &Board, bench: &mut B, drive: Drive) -> (Inputs, Result<(), AmplifierError>) {
     let start = board.chip(|chip| chip.now_ns());
     let inputs = bench.sample();
+    #[cfg(feature = "self-sensing")]
+    bench.current_adc_v(1000.0);
     let applied = bench.apply(drive);
     board.chip(|chip| chip.wait_ns(1_000_000 - (chip.now_ns() - start)));
     (inputs, applied)
@@ -164,6 +177,7 @@ impl H405 {
         let [monitor, sensor] = [(); 2].map(|()| Rc::new(RefCell::new(Ads868x::new(variant))));
         let cleared = Rc::clone(&dac);
         board.chip(|chip| {
+            chip.around.supply_v = 3.3;
             // They had power long before the chip has.
             chip.wait_ns(50_000_000);
             chip.watch(Self::ENABLE, move |high, now| cleared.borrow_mut().set_clr(high, now));
@@ -183,6 +197,8 @@ impl Kind for H405 {
     const CONVERTERS: Converters = stm32_h405::CONVERTERS;
     const ENABLE: Pin = Pin::new('C', 6);
     const INTERLOCK: Pin = Pin::new('C', 7);
+    #[cfg(feature = "self-sensing")]
+    const CURRENT_V: f32 = stm32_h405::CURRENT_V;
     const ON: Drive = Drive { enable: true, dac_v: 3.0, range: CommandRange::TenVolts };
     const STEP_V: f64 = 10.24 / 65536.0;
     const LOADED: f64 = 1.0;
@@ -252,7 +268,7 @@ pub trait OnChip: Kind + Default {
 }
 
 macro_rules! on_chip {
-    ($kind:ident, $name:literal, $family:ident, $module:ident, $start:ident, $supply_v:literal) => {
+    ($kind:ident, $name:literal, $family:ident, $module:ident, $start:ident, $supply_v:literal, $current:expr) => {
         #[derive(Default)]
         pub struct $kind;
 
@@ -265,6 +281,9 @@ macro_rules! on_chip {
             const CONVERTERS: Converters = $module::CONVERTERS;
             const ENABLE: Pin = Pin::new('C', 6);
             const INTERLOCK: Pin = Pin::new('C', 8);
+            const CURRENT: Pin = $current;
+            #[cfg(feature = "self-sensing")]
+            const CURRENT_V: f32 = $module::CURRENT_V;
             const ON: Drive = Drive { enable: true, dac_v: 1.5, range: CommandRange::TenVolts };
             // Half a code, and half of one of the chip's reference, which is at 1.21 V.
             const STEP_V: f64 = 0.5 * $supply_v / 4096.0 * (1.0 + $supply_v / 1.21);
@@ -310,8 +329,8 @@ macro_rules! on_chip {
     };
 }
 
-on_chip!(Discovery, "STM32F4DISCOVERY", F4, stm32f407_discovery, start_discovery, 3.0);
-on_chip!(Nucleo, "NUCLEO-G474RE", G4, nucleo_g474re, start_nucleo, 3.3);
+on_chip!(Discovery, "STM32F4DISCOVERY", F4, stm32f407_discovery, start_discovery, 3.0, Pin::new('C', 1));
+on_chip!(Nucleo, "NUCLEO-G474RE", G4, nucleo_g474re, start_nucleo, 3.3, Pin::new('B', 1));
 
 impl OnChip for Discovery {
     const DAC: Pin = Pin::new('A', 5);

@@ -6,6 +6,8 @@
 mod bench;
 mod clock;
 mod converters;
+#[cfg(feature = "self-sensing")]
+mod current;
 mod flash;
 mod host;
 mod judges;
@@ -14,6 +16,8 @@ mod on_chip;
 mod pads;
 mod promises;
 mod reset;
+#[cfg(feature = "self-sensing")]
+mod sensed;
 mod serial;
 mod slaves;
 mod start;

@@ -52,6 +52,8 @@ impl Pads for H405 {
         // A wire that breaks is an open interlock.
         Row { mode: Mode::Input, pull: Pull::Down, ..output(pin('C', 7), "interlock") },
         output(pin('C', 12), "light"),
+        #[cfg(feature = "self-sensing")]
+        Row { mode: Mode::Analog, ..output(pin('C', 1), "current") },
         output(pin('B', 12), "select of the DAC"),
         drives(pin('B', 13), "clock of the DAC", 5, Signal::Sck(2), Speed::VeryHigh),
         hears(pin('B', 14), "data from the DAC", 5, Signal::Miso(2), Pull::Down),
@@ -78,6 +80,8 @@ impl Pads for Discovery {
         Row { mode: Mode::Analog, ..output(pin('A', 5), "command") },
         Row { mode: Mode::Analog, ..output(pin('B', 0), "monitor") },
         Row { mode: Mode::Analog, ..output(pin('B', 1), "sensor") },
+        #[cfg(feature = "self-sensing")]
+        Row { mode: Mode::Analog, ..output(pin('C', 1), "current") },
         output(pin('E', 3), "select of the accelerometer"),
         drives(pin('A', 2), "link, out", 7, Signal::Transmit, Speed::Low),
         hears(pin('A', 3), "link, in", 7, Signal::Receive, Pull::Up),
@@ -93,6 +97,8 @@ impl Pads for Nucleo {
         Row { mode: Mode::Analog, ..output(pin('A', 4), "command") },
         Row { mode: Mode::Analog, ..output(pin('A', 0), "monitor") },
         Row { mode: Mode::Analog, ..output(pin('A', 1), "sensor") },
+        #[cfg(feature = "self-sensing")]
+        Row { mode: Mode::Analog, ..output(pin('B', 1), "current") },
         drives(pin('A', 2), "link, out", 7, Signal::Transmit, Speed::Low),
         hears(pin('A', 3), "link, in", 7, Signal::Receive, Pull::Up),
     ];
@@ -120,10 +126,12 @@ fn the_page_has_every_pin_of_every_board<K: Pads>() {
         page.split("\n## ").find(|section| section.lines().next().is_some_and(|title| title.ends_with(K::NAME)));
     let rows = section.expect("a section").lines().filter_map(|line| line.strip_prefix("| P")?.split(' ').next());
     let mut listed: Vec<String> = rows.filter(|pin| pin.len() < 4).map(|pin| format!("P{pin}")).collect();
-    let mut pins: Vec<String> = K::PINS.iter().map(|row| format!("{:?}", row.pin)).collect();
+    let mut pins: Vec<String> =
+        K::PINS.iter().map(|row| row.pin).chain([K::CURRENT]).map(|pin| format!("{pin:?}")).collect();
     listed.sort_unstable();
     listed.dedup();
     pins.sort_unstable();
+    pins.dedup();
     assert_eq!(listed, pins, "{}", K::NAME);
 }
 

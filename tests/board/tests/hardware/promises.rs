@@ -2,7 +2,11 @@
 //! and a sensor that rests.
 
 use board_on_host::board::Board;
+#[cfg(feature = "self-sensing")]
+use board_on_host::film::Film;
 use dea_driver::chips::Calibration;
+#[cfg(feature = "self-sensing")]
+use dea_driver::chips::Converters;
 use dea_driver::{
     BLOB_LEN, Blob, Cause, Controller, Device, DriverState, Limits, Mode, Parameters, PlausibilityLimits, SensorFault,
 };
@@ -25,29 +29,58 @@ pub fn parameters<K: Kind>() -> Parameters {
     }
 }
 
-struct Running<K: Kind> {
-    board: Board,
-    kind: K,
+pub struct Running<K: Kind> {
+    pub board: Board,
+    pub kind: K,
     bench: K::Bench,
-    device: Device,
+    pub device: Device,
+    /// A film in its circuit, instead of a perfect amplifier and a sensor that rests, and an output of the current monitor that replaces that of it, V.
+    #[cfg(feature = "self-sensing")]
+    pub film: Option<Film>,
+    #[cfg(feature = "self-sensing")]
+    pub current_v: Option<f64>,
     /// Readings that a fault replaces, V.
-    monitor_v: Option<f64>,
-    sensor_v: Option<f64>,
+    pub monitor_v: Option<f64>,
+    pub sensor_v: Option<f64>,
+    /// The sensor's output, V.
+    shown_v: f64,
     ticks: u32,
 }
 
 impl<K: Kind> Running<K> {
     /// A board that has been switched on, with the interlock closed.
     fn new() -> Self {
+        Self::with(&parameters::<K>())
+    }
+
+    /// The same with these parameters.
+    pub fn with(parameters: &Parameters) -> Self {
         let (board, kind) = board_of::<K>();
         let bench = K::start(&board, Core::Crystal);
         let mut device = Device::new(None);
         // A host encodes for the board's number, the board checks by its own converters.
         let mut bytes = [0; BLOB_LEN];
-        let length = parameters::<K>().encode(K::ID, &mut bytes).expect("kept by these converters");
-        let blob = Blob::decode_for(&bytes[..length], K::ID, &K::CONVERTERS).expect("as the host checked");
+        let length = parameters.encode(K::ID, &mut bytes).expect("kept by these converters");
+        #[cfg(feature = "self-sensing")]
+        let converters = Converters { current_v: Some(K::CURRENT_V), ..K::CONVERTERS };
+        #[cfg(not(feature = "self-sensing"))]
+        let converters = K::CONVERTERS;
+        let blob = Blob::decode_for(&bytes[..length], K::ID, &converters).expect("as the host checked");
         device.install(Controller::new(blob)).expect("disarmed");
-        let mut running = Self { board, kind, bench, device, monitor_v: None, sensor_v: None, ticks: 0 };
+        let mut running = Self {
+            board,
+            kind,
+            bench,
+            device,
+            #[cfg(feature = "self-sensing")]
+            film: None,
+            #[cfg(feature = "self-sensing")]
+            current_v: None,
+            monitor_v: None,
+            sensor_v: None,
+            shown_v: 0.0,
+            ticks: 0,
+        };
         running.interlock(Some(true));
         (0..2 * SET_UP).for_each(|_| running.tick());
         running
@@ -70,32 +103,40 @@ impl<K: Kind> Running<K> {
     }
 
     /// At the film of a perfect amplifier, V.
-    fn film_v(&self) -> f64 {
+    pub fn film_v(&self) -> f64 {
         let enabled = is_enabled::<K>(&self.board);
         if enabled { f64::from(K::GAIN) * self.kind.command_v(&self.board) } else { 0.0 }
     }
 
     /// A tick of the application.
-    fn tick(&mut self) {
+    pub fn tick(&mut self) {
         self.ticks += 1;
         let start = self.board.chip(|chip| chip.now_ns());
         let inputs = self.bench.sample();
+        #[cfg(feature = "self-sensing")]
+        self.device.note_current(self.bench.current_adc_v(1000.0));
         let drive = self.device.tick(inputs);
         if self.bench.apply(drive).is_err() {
             self.device.trip(Cause::Bus);
         }
         self.device.report(self.bench.inspection());
         self.device.heartbeat();
+        #[cfg(feature = "self-sensing")]
+        let by_film = self.advance_film();
         self.board.chip(|chip| chip.wait_ns(1_000_000 - (chip.now_ns() - start)));
         // Noise of a sensor at 0.1 V more than an open one has, on a range of 10 V.
         let share = 1000.0 / f64::from(K::GAIN);
-        let sensor_v = share * (1.0 + 4e-3 * f64::from(self.ticks % 7));
-        self.kind.set_monitor(&self.board, self.monitor_v.unwrap_or(self.film_v() / f64::from(K::GAIN)));
-        self.kind.set_sensor(&self.board, self.sensor_v.unwrap_or(sensor_v));
+        let [monitor_v, sensor_v] = [self.film_v() / f64::from(K::GAIN), share];
+        #[cfg(feature = "self-sensing")]
+        let [monitor_v, sensor_v] = by_film.unwrap_or([monitor_v, sensor_v]);
+        let sensor_v = sensor_v + share * 4e-3 * f64::from(self.ticks % 7);
+        self.kind.set_monitor(&self.board, self.monitor_v.unwrap_or(monitor_v));
+        self.shown_v = self.sensor_v.unwrap_or(sensor_v);
+        self.kind.set_sensor(&self.board, self.shown_v);
     }
 
     /// Ticks until it has tripped, and the cause.
-    fn trips(&mut self) -> (u32, Cause) {
+    pub fn trips(&mut self) -> (u32, Cause) {
         for ticks in 1..=1000 {
             self.tick();
             if let DriverState::Tripped(cause) = self.device.state() {
@@ -110,13 +151,13 @@ impl<K: Kind> Running<K> {
 
 /// A fault: its name, what it does, the causes that it may have, and the ticks after which it shows at the latest. A converter on a bus answers with
 /// the reading of the tick before.
-type Row<K> = (&'static str, fn(&mut Running<K>), &'static [Cause], u32);
+pub type Row<K> = (&'static str, fn(&mut Running<K>), &'static [Cause], u32);
 
-fn rows<K: Kind>() -> [Row<K>; 9] {
+pub fn rows<K: Kind>() -> [Row<K>; 9] {
     const RANGE: &[Cause] = &[Cause::Sensor(SensorFault::Range)];
     let at_supply = |running: &mut Running<K>| running.monitor_v = Some(f64::from(K::CONVERTERS.monitor_v));
     let saturates = |running: &mut Running<K>| running.sensor_v = Some(f64::from(K::CONVERTERS.sensor_v));
-    let stuck = |running: &mut Running<K>| running.sensor_v = Some(1000.0 / f64::from(K::GAIN));
+    let stuck = |running: &mut Running<K>| running.sensor_v = Some(running.shown_v);
     [
         ("interlock opens", |running| running.interlock(Some(false)), &[Cause::Interlock], 1),
         ("interlock breaks", |running| running.interlock(None), &[Cause::Interlock], 1),
