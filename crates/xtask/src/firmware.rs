@@ -57,8 +57,8 @@ pub fn lint(toolchain: &Toolchain) -> Result<()> {
 pub fn images(toolchain: &Toolchain) -> Result<()> {
     build(toolchain, &QEMU)?;
     let virtual_board = build(toolchain, &VIRTUAL_BOARD)?;
-    // Of the two images of a board, which have one name, that without a current is the one that stays.
-    for board in SENSED.iter().chain(BOARDS.iter().map(|(board, _)| board)) {
+    // Those with a current are linted, and as large as one of them. Of two images of one name that without it is the one that stays.
+    for board in SENSED[..1].iter().chain(BOARDS.iter().map(|(board, _)| board)) {
         no_virtual_bench_on_a_board(&build(toolchain, board)?, &virtual_board)?;
     }
     Ok(())
